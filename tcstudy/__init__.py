@@ -14,7 +14,8 @@ Matrices: ContactProblem, law, solve, all_solutions, certify, follow
     answer = tcstudy.solve(problem)                # answer.v, answer.xi, answer.inclusion_residual, answer.status
     tcstudy.certify(problem, answer).unique        # True is proved
 
-Symbols, as in the paper (doi 10.3879/j.issn.1000-0887.2010.01.008) and tcstudy/METHOD.md, with their units:
+Symbols, as in the paper (doi 10.3879/j.issn.1000-0887.2010.01.008) and tcstudy/METHOD.md, with
+their units:
 
     theta      temperature above the stress-free state [K];  theta_bar: of the air, alpha: exchange [W/(m² K)]
     u_T, u_N   tangential and normal displacement on the contact line Γ_C [m]; u_N = 0
@@ -25,9 +26,9 @@ Symbols, as in the paper (doi 10.3879/j.issn.1000-0887.2010.01.008) and tcstudy/
     lambda_1   λ₁, least eigenvalue of Ã against diag(c) [Pa/m];  omega: ω, steepest fall of b [Pa/m]
     inclusion residual   max_i dist(ξ_i/c_i, b̂(u_i)) over the scale of b: the test that a solution is one
 
-What the user can mend is raised as a kind of UserFault, whose text is one line that says what to do. What one must know
-of results before using them is a StudyWarning, which their file keeps, too. Everything is imported when it is first
-used, so that `import tcstudy` costs nothing.
+What the user can mend is raised as a kind of UserFault, whose text is one line that says what to
+do. What one must know of results before using them is a StudyWarning, which their file keeps, too.
+Everything is imported when it is first used, so that `import tcstudy` costs nothing.
 """
 
 from __future__ import annotations
@@ -66,7 +67,9 @@ __all__ = [
 ]  # fmt: skip
 
 _FILES = {
-    **dict.fromkeys(("ContactProblem", "all_solutions", "certify", "follow", "law", "solve"), "matrices"),
+    **dict.fromkeys(
+        ("ContactProblem", "all_solutions", "certify", "follow", "law", "solve"), "matrices"
+    ),
     **dict.fromkeys(("Result", "draw", "export", "open_results", "report"), "results"),
 }
 """Files of names that stand neither in errors nor in api."""
@@ -80,7 +83,11 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("tcstudy")
-    file = "errors" if name.endswith(("Error", "Failed", "Fault", "Warning")) else _FILES.get(name, "api")
+    file = (
+        "errors"
+        if name.endswith(("Error", "Failed", "Fault", "Warning"))
+        else _FILES.get(name, "api")
+    )
     value = getattr(import_module(f"tcstudy.{file}"), name)
     globals()[name] = value
     return value

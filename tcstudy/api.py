@@ -1,8 +1,9 @@
-"""The public functions on studies and result files, as `tcstudy` offers them; the command line calls the same rooms.
+"""The public functions on studies and result files, as `tcstudy` offers them; the command line
+calls the same rooms.
 
-Every function takes a Study or the name of its file, and is silent unless asked to show progress. What the user can
-mend is a kind of tcstudy.UserFault, what one must know of results a tcstudy.StudyWarning. Left out: changing a Study in
-place (`with_` makes another).
+Every function takes a Study or the name of its file, and is silent unless asked to show progress.
+What the user can mend is a kind of tcstudy.UserFault, what one must know of results a
+tcstudy.StudyWarning. Left out: changing a Study in place (`with_` makes another).
 """
 
 from __future__ import annotations
@@ -32,15 +33,17 @@ Changes = Sequence[str] | Mapping[str, object]
 class Study(records.Study):
     """A whole study, read and checked: the sweep and one scene for each of its points.
 
-    Made by `tcstudy.load(file)` or `Study.from_dict(sections)`, changed by `with_`. `scenes`, `axes`, `mesh`, `solver`
-    hold what was read, in SI units.
+    Made by `tcstudy.load(file)` or `Study.from_dict(sections)`, changed by `with_`. `scenes`,
+    `axes`, `mesh`, `solver` hold what was read, in SI units.
     """
 
     @classmethod
     def from_dict(cls, sections: Mapping[str, object], name: str = "<dict>") -> Study:
-        """The study of a mapping with the sections and keys of a study file; numbers are SI, texts carry their unit.
+        """The study of a mapping with the sections and keys of a study file; numbers are SI, texts
+        carry their unit.
 
-        name: what messages call it. Raises StudyError with all faults, lines counted in the mapping written as YAML.
+        name: what messages call it. Raises StudyError with all faults, lines counted in the mapping
+        written as YAML.
         """
         return _opened(read_study_text(_yaml(sections, flow=False), name))
 
@@ -59,7 +62,11 @@ class Study(records.Study):
         new = {**dict(changes or {}), **{_key(name): value for name, value in named.items()}}
         paths = [whole_key(root, key) for key in new]
         old = {text: whole_key(root, text.partition("=")[0].strip()) for text in self.overrides}
-        kept = [text for text, key in old.items() if not any(f"{key}.".startswith(f"{path}.") for path in paths)]
+        kept = [
+            text
+            for text, key in old.items()
+            if not any(f"{key}.".startswith(f"{path}.") for path in paths)
+        ]
         overrides = (*kept, *_texts(new))
         name = str(self.source) if self.source is not None else "<text>"
         return _opened(read_study_text(self.text, name, overrides, self.source))
@@ -71,12 +78,15 @@ class Study(records.Study):
         return _yaml(tree_of(self).plain(), flow=False)
 
     def __getitem__(self, key: str) -> object:
-        """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError where there is none."""
+        """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError
+        where there is none."""
         from tcstudy.read.document import split_path, tree_of
 
         found = tree_of(self).at(*(split_path(key) or (key,)))
         if found is None:
-            raise UsageError(f"the study has no {key}; {hint(key, self._ipython_key_completions_(), 'print it')}")
+            raise UsageError(
+                f"the study has no {key}; {hint(key, self._ipython_key_completions_(), 'print it')}"
+            )
         return found.plain()
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -105,11 +115,14 @@ def _key(name: str) -> str:
 
 def _texts(changes: Changes) -> tuple[str, ...]:
     if isinstance(changes, str):
-        raise UsageError(f"overrides must be a list of texts, not the text {changes!r}; write [{changes!r}]")
+        raise UsageError(
+            f"overrides must be a list of texts, not the text {changes!r}; write [{changes!r}]"
+        )
     if not isinstance(changes, Mapping):
         return tuple(changes)
     return tuple(
-        f"{key}={value if isinstance(value, str) else _yaml(value, flow=True)}" for key, value in changes.items()
+        f"{key}={value if isinstance(value, str) else _yaml(value, flow=True)}"
+        for key, value in changes.items()
     )
 
 
@@ -133,11 +146,14 @@ def _plain(value: object) -> object:
         return value.tolist()
     if isinstance(value, FilePath):
         return str(value)
-    raise UsageError(f"{value!r} is a {type(value).__name__}, which a study cannot hold; give numbers, texts or lists")
+    raise UsageError(
+        f"{value!r} is a {type(value).__name__}, which a study cannot hold; give numbers, texts or lists"
+    )
 
 
 def init(file: str | FilePath = "study.yaml") -> FilePath:
-    """Write a commented starter study and the schema that its first line names; raises UsageError if it is there."""
+    """Write a commented starter study and the schema that its first line names; raises UsageError
+    if it is there."""
     from tcstudy.commands.run import starter
 
     return starter(FilePath(file))
@@ -179,11 +195,12 @@ def run(
     dask: str | None = None,
     append: bool = False,
 ) -> Result:
-    """Do what a study (or a study file) asks, and return its result, which is a netCDF file and its data.
+    """Do what a study (or a study file) asks, and return its result, which is a netCDF file and its
+    data.
 
-    A study with a section `fit` is fitted, else one with `history` is followed step by step, else one with `path` along
-    its equilibria; of every other one the points of the sweep are solved. `study.kind` says which; `with_(path=None)`
-    takes a section away.
+    A study with a section `fit` is fitted, else one with `history` is followed step by step, else
+    one with `path` along its equilibria; of every other one the points of the sweep are solved.
+    `study.kind` says which; `with_(path=None)` takes a section away.
 
     output:   the file; without a name it is kept in the user's cache folder, where the same call finds it again
     progress: show a bar on stderr, or in the notebook;  force: compute again what is there, replace what else is there
@@ -210,12 +227,17 @@ def run(
 
 
 def converge(
-    study: Study | str | FilePath, output: str | FilePath | None = None, *, progress: bool = False, force: bool = False
+    study: Study | str | FilePath,
+    output: str | FilePath | None = None,
+    *,
+    progress: bool = False,
+    force: bool = False,
 ) -> Result:
-    """Errors, rates and limits over the levels of a study, as the file of `tcstudy converge` holds them.
+    """Errors, rates and limits over the levels of a study, as the file of `tcstudy converge` holds
+    them.
 
-    output, progress, force: as of `run`. Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed,
-    StoreError.
+    output, progress, force: as of `run`. Raises StudyError, ConvergenceError (levels that do not
+    suit), GeometryFailed, StoreError.
     """
     return _result("convergence", _study(study), output, progress, force)
 
@@ -228,19 +250,27 @@ def cost(
     progress: bool = False,
     force: bool = False,
 ) -> Result:
-    """Accuracy against cost of mesh families and solvers at one sweep point, as `tcstudy cost` measures them.
+    """Accuracy against cost of mesh families and solvers at one sweep point, as `tcstudy cost`
+    measures them.
 
     at: the point by its labels, {"alpha": 100}; the first unless named;  output, progress, force: as of `run`
 
-    Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
+    Raises StudyError, CostError (nothing to compare with), DrawError (no such point),
+    GeometryFailed, StoreError.
     """
     return _result("cost", _study(study), output, progress, force, at=at)
 
 
 def _result(
-    kind: Kind, study: records.Study, output: str | FilePath | None, progress: bool, force: bool, **more: Any
+    kind: Kind,
+    study: records.Study,
+    output: str | FilePath | None,
+    progress: bool,
+    force: bool,
+    **more: Any,
 ) -> Result:
-    """These results, computed unless their file holds them already; without a name that is one of the cache."""
+    """These results, computed unless their file holds them already; without a name that is one of
+    the cache."""
     from tcstudy.commands.run import do, what_decides
     from tcstudy.data.files import tell_stored
 

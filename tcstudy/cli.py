@@ -14,16 +14,29 @@ from tcstudy.commands import results, run
 from tcstudy.commands.shared import BAD_INPUT, OK, file_name, named
 from tcstudy.errors import StudyWarning, UserFault, guarded_streams, is_lost, printable
 
-LISTED = run.run, run.converge, run.cost, results.show, results.draw, results.report, results.export, run.init
+LISTED = (
+    run.run,
+    run.converge,
+    run.cost,
+    results.show,
+    results.draw,
+    results.report,
+    results.export,
+    run.init,
+)
 COMMANDS = {command.run.__name__: command for command in LISTED}
 """By their words."""
 COMPLETED = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 """How shells complete the name of a file, for shtab."""
 FORMER = {
     "plan": "tcstudy run STUDY.yaml --dry-run",
-    **dict.fromkeys(("path", "history", "fit"), "tcstudy run STUDY.yaml, which does what the study asks"),
+    **dict.fromkeys(
+        ("path", "history", "fit"), "tcstudy run STUDY.yaml, which does what the study asks"
+    ),
     "sensitivity": "tcstudy show FILE.nc, which has the indices of a design",
-    **dict.fromkeys(("merge", "compare"), "xarray's work: see 'Files that grow' in results/README.md"),
+    **dict.fromkeys(
+        ("merge", "compare"), "xarray's work: see 'Files that grow' in results/README.md"
+    ),
     "schema": "tcstudy init, which writes study.schema.json beside the starter",
     "completion": "shtab's work: see 'Commands' in README.md",
 }
@@ -35,13 +48,16 @@ _EPILOG = (
     "printed, 130 interrupted"
 )
 RARE = 50_000
-"""Objects after which cycles are looked for; every 700, as is usual, takes a tenth of the second of imports."""
+"""Objects after which cycles are looked for; every 700, as is usual, takes a tenth of the second of
+imports."""
 _NEEDED = 1 << 28
-"""Bytes that the mesher and the solvers ask for at once; where these are not to be had, memory is what is short."""
+"""Bytes that the mesher and the solvers ask for at once; where these are not to be had, memory is
+what is short."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; raises SystemExit for bad usage and bad studies."""
+    """Run the command line and return its exit code; raises SystemExit for bad usage and bad
+    studies."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     gc.set_threshold(RARE)
     with guarded_streams() as out, warnings.catch_warnings():
@@ -83,7 +99,10 @@ def _command(arguments: list[str]) -> int:
         if not _memory_is_short(error):
             raise
         kept = options.kept
-        print(f"there is not enough memory; {kept}. Free some, or ask for less (coarser meshes)", file=sys.stderr)
+        print(
+            f"there is not enough memory; {kept}. Free some, or ask for less (coarser meshes)",
+            file=sys.stderr,
+        )
         return NO_ROOM
 
 
@@ -102,7 +121,8 @@ def _shown(otherwise: Callable[..., None]) -> Callable[..., None]:
 
 
 def _memory_is_short(error: Exception) -> bool:
-    """Whether an error comes of missing memory; a library may call it by any name, so it is tried."""
+    """Whether an error comes of missing memory; a library may call it by any name, so it is
+    tried."""
     if isinstance(error, MemoryError):
         return True
     try:
@@ -123,15 +143,23 @@ def parser_of() -> argparse.ArgumentParser:
         description="Parametric studies of thermoelastic contact with nonmonotone, multivalued friction.",
         epilog=_EPILOG,
     )
-    parser.add_argument("--version", action="version", version=f"tcstudy {metadata.version('tcstudy')}")
-    parsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="command")
+    parser.add_argument(
+        "--version", action="version", version=f"tcstudy {metadata.version('tcstudy')}"
+    )
+    parsers = parser.add_subparsers(
+        title="commands", required=True, metavar="COMMAND", dest="command"
+    )
     for name, one in COMMANDS.items():
         own = parsers.add_parser(name, help=one.help, epilog=_EPILOG)
         own.set_defaults(read=None, kept="nothing was written", run=one.run)
         said = any(told.get("action") == "store_const" for _, told in one.options)
-        choice = own.add_mutually_exclusive_group() if said else own  # how a command prints, or which form it writes
+        choice = (
+            own.add_mutually_exclusive_group() if said else own
+        )  # how a command prints, or which form it writes
         for flags, told in one.options:
-            action = (choice if told.get("action") == "store_const" else own).add_argument(*flags, **told)
+            action = (choice if told.get("action") == "store_const" else own).add_argument(
+                *flags, **told
+            )
             if told.get("type") in (named, file_name):
                 action.complete = COMPLETED  # type: ignore[attr-defined]  # where shtab looks for it
     return parser

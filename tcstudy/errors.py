@@ -1,5 +1,6 @@
-"""Faults that the user can mend: what is wrong, where, what to do. All are a UserFault, which the command line catches
-once: its text is printed without a traceback, the exit code is 2. And the streams that it is printed to.
+"""Faults that the user can mend: what is wrong, where, what to do. All are a UserFault, which the
+command line catches once: its text is printed without a traceback, the exit code is 2. And the
+streams that it is printed to.
 """
 
 from __future__ import annotations
@@ -30,7 +31,10 @@ def printable(text: str) -> str:
     """The text with escapes such as \\x1b in place of characters that are no sign."""
     if text.isascii() and text.isprintable():
         return text
-    return "".join(c.encode("unicode_escape").decode() if unicodedata.category(c) in UNSEEN else c for c in text)
+    return "".join(
+        c.encode("unicode_escape").decode() if unicodedata.category(c) in UNSEEN else c
+        for c in text
+    )
 
 
 def shortened(text: str, most: int = 60) -> str:
@@ -90,7 +94,8 @@ class Problem:
 
 
 class StudyWarning(UserWarning):
-    """What one must know of a study or its results before using them; the work goes on, and the file keeps it."""
+    """What one must know of a study or its results before using them; the work goes on, and the
+    file keeps it."""
 
 
 def tell(found: Iterable[object]) -> None:
@@ -110,7 +115,8 @@ def _of_with(frame: FrameType) -> bool:
 
 
 class UserFault(Exception):
-    """What the user can mend; the text is one line (or one line for each fault) that says why and what to do.
+    """What the user can mend; the text is one line (or one line for each fault) that says why and
+    what to do.
 
     placed: whether the text says where already; else the command line puts the name of the study before it
     keys:   key path of the value in the study that decides about it, where there is one
@@ -166,7 +172,8 @@ class ProblemError(UserFault, ValueError):
 
 
 class GeometryFailed(UserFault):
-    """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try.
+    """The geometry kernel or the mesher could not do what the study asks; the text says what and
+    what to try.
 
     keys: key path of the value in the study that decides about it
     """
@@ -196,15 +203,18 @@ _KEPT = re.compile(r"([\n\t])")
 
 
 def visible(text: str) -> str:
-    """The text with all but signs, tabs and newlines as escapes: an escape character becomes the characters \\x1b."""
+    """The text with all but signs, tabs and newlines as escapes: an escape character becomes the
+    characters \\x1b."""
     return "".join(part if part in ("\n", "\t") else printable(part) for part in _KEPT.split(text))
 
 
 class Stream:
-    """A text stream, or none, that stops no work: closed, without a reader, on a full disk, or without Greek letters.
+    """A text stream, or none, that stops no work: closed, without a reader, on a full disk, or
+    without Greek letters.
 
-    What cannot be written is dropped; `lost` is the first error of writing. Characters that the encoding lacks and
-    control characters, which may come from a title or a stranger's file, are shown as escapes.
+    What cannot be written is dropped; `lost` is the first error of writing. Characters that the
+    encoding lacks and control characters, which may come from a title or a stranger's file, are
+    shown as escapes.
     """
 
     def __init__(self, stream: TextIO | None, controls: bool = False) -> None:
@@ -234,7 +244,8 @@ class Stream:
         return getattr(self._stream, name)
 
     def _do(self, what: str, *given: str) -> None:
-        """From the first error on nothing is written; what the stream still holds must not fail when Python ends."""
+        """From the first error on nothing is written; what the stream still holds must not fail
+        when Python ends."""
         try:
             if self._stream is not None:
                 getattr(self._stream, what)(*given)
@@ -246,9 +257,12 @@ class Stream:
 
 @contextmanager
 def guarded_streams() -> Iterator[Stream]:
-    """Standard output and error as such streams for the time of a `with`; gives that of standard output."""
+    """Standard output and error as such streams for the time of a `with`; gives that of standard
+    output."""
     while (lowest_free := os.open(os.devnull, os.O_RDWR)) < 3:
-        pass  # of 0, 1, 2 those that are closed lead nowhere: a result file must not become someone's standard error
+        # of 0, 1, 2 those that are closed lead nowhere: a result file must not become someone's
+        # standard error
+        pass
     os.close(lowest_free)
     with redirect_stdout(Stream(sys.stdout)) as out, redirect_stderr(Stream(sys.stderr)) as err:
         try:
@@ -259,5 +273,9 @@ def guarded_streams() -> Iterator[Stream]:
 
 
 def is_lost(out: Stream) -> bool:
-    """Whether output was lost that someone still wanted: not when its reader had enough, as `head` does."""
-    return out.lost is not None and getattr(out.lost, "errno", None) not in (errno.EPIPE, errno.ESHUTDOWN)
+    """Whether output was lost that someone still wanted: not when its reader had enough, as `head`
+    does."""
+    return out.lost is not None and getattr(out.lost, "errno", None) not in (
+        errno.EPIPE,
+        errno.ESHUTDOWN,
+    )

@@ -1,7 +1,8 @@
-"""Results, as `tcstudy` offers them: a file as a record that a notebook shows; open, draw, report, export.
+"""Results, as `tcstudy` offers them: a file as a record that a notebook shows; open, draw, report,
+export.
 
-Every function takes a Result or the name of a file that run, converge or cost wrote. What the user can mend is a kind
-of tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
+Every function takes a Result or the name of a file that run, converge or cost wrote. What the user
+can mend is a kind of tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
 """
 
 from __future__ import annotations
@@ -75,17 +76,21 @@ class Result:
             return verdict_of(self.file)[0]
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""
+        """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to
+        CSV; SI units."""
         from tcstudy.data.files import kind_from
         from tcstudy.reports.export import ROWS
 
         data = self.tree.to_dataset()
         dims = data["status"].dims if "status" in data else (ROWS[kind_from(data.attrs)],)
-        names = [name for name, one in data.data_vars.items() if one.dims and set(one.dims) <= set(dims)]
+        names = [
+            name for name, one in data.data_vars.items() if one.dims and set(one.dims) <= set(dims)
+        ]
         return data[names].to_dataframe(dim_order=list(dims)).reset_index()
 
     def save(self, target: str | FilePath, force: bool = False) -> Result:
-        """Copy the file under a name of your choice. Raises StoreError where there is another, unless force."""
+        """Copy the file under a name of your choice. Raises StoreError where there is another,
+        unless force."""
         import shutil
 
         from tcstudy.data.files import check_writable, replace_file
@@ -95,7 +100,9 @@ class Result:
         if faults := check_writable(target):
             raise StoreError("; ".join(faults))
         if target.exists() and not force and target.read_bytes() != self.file.read_bytes():
-            raise StoreError(f"{target} is there already; give another name, or force=True to replace it")
+            raise StoreError(
+                f"{target} is there already; give another name, or force=True to replace it"
+            )
         replace_file(target, lambda aside: shutil.copyfile(self.file, aside), sealed=False)
         return Result(target, self.note)
 
@@ -115,7 +122,10 @@ class Result:
         from tcstudy.reports.terminal.summary import text_of
 
         picture = picture_html(self)
-        said, below = html.escape(self.summary), html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
+        said, below = (
+            html.escape(self.summary),
+            html.escape(f"{self.file}" + (f" ({self.note})" if self.note else "")),
+        )
         tables = html.escape(text_of(self.file))
         return f"<p><b>{said}</b></p>{picture}<details><summary>{below}</summary><pre>{tables}</pre></details>"
 
@@ -131,13 +141,17 @@ def picture_html(of: Result | Study) -> str:
 
 
 def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
-    """The file in which results without a name are kept: $TCSTUDY_CACHE, or tcstudy in the user's cache folder.
+    """The file in which results without a name are kept: $TCSTUDY_CACHE, or tcstudy in the user's
+    cache folder.
 
-    Its name has all that decides them: study, options, and versions of the program and its libraries.
+    Its name has all that decides them: study, options, and versions of the program and its
+    libraries.
     """
     from tcstudy.data.files import program, study_sha256
 
-    key = sha256(repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()).hexdigest()
+    key = sha256(
+        repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()
+    ).hexdigest()
     folder = os.environ.get("XDG_CACHE_HOME") or FilePath.home() / ".cache"
     folder = FilePath(os.environ.get("TCSTUDY_CACHE") or FilePath(folder) / "tcstudy")
     folder.mkdir(parents=True, exist_ok=True)
@@ -147,7 +161,8 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
 
 
 def why_again(target: FilePath, study: Study) -> str:
-    """Why a file in the cache is computed: what differs from the study whose results came last under its name."""
+    """Why a file in the cache is computed: what differs from the study whose results came last
+    under its name."""
     from tcstudy.data.files import attributes
     from tcstudy.read.document import changes
 
@@ -176,7 +191,8 @@ def _file(of: Result | str | FilePath) -> FilePath:
 def open_results(path: str | FilePath) -> xarray.DataTree:
     """Open a result file of any kind lazily: a run has its results at the root and a group a level.
 
-    Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not finished.
+    Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not
+    finished.
     """
     from tcstudy.data.reading import open_results as open_tree
 
@@ -186,8 +202,9 @@ def open_results(path: str | FilePath) -> xarray.DataTree:
 def draw(
     file: Result | Study | str | FilePath, target: str | FilePath | None = None, **wanted: Any
 ) -> FilePath | Figure:
-    """Draw a result file of any kind, or the scene of a study before any work, into a .png, .svg or .pdf file and
-    return its name, or without a name return the figure, which a notebook shows. Needs matplotlib.
+    """Draw a result file of any kind, or the scene of a study before any work, into a .png, .svg or
+    .pdf file and return its name, or without a name return the figure, which a notebook shows.
+    Needs matplotlib.
 
     at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
     level:    of a run: mesh level, −1 or nothing for the finest
@@ -206,8 +223,8 @@ def draw(
     map, of:   a map of the number `of` over two parameters, map=("alpha", "theta_bar")
     law:       the friction law of a point with all its nodes on it
 
-    Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
-    DrawError, UsageError.
+    Parameters that are not drawn have the value that `at` gives them, the first unless named.
+    Raises StoreError, DrawError, UsageError.
     """
     from tcstudy.commands.results import picture
 

@@ -1,4 +1,5 @@
-"""Commands of tcstudy for tests: in this process, or as a process of its own, which takes two seconds to start."""
+"""Commands of tcstudy for tests: in this process, or as a process of its own, which takes two
+seconds to start."""
 
 import io
 import os
@@ -14,7 +15,8 @@ from tcstudy.cli import main
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 CRASHED = 99
-"""The exit code that stands for an error that is none of ours; its traceback is in what was said on standard error."""
+"""The exit code that stands for an error that is none of ours; its traceback is in what was said on
+standard error."""
 
 
 class Said(NamedTuple):
@@ -24,10 +26,15 @@ class Said(NamedTuple):
 
 
 def tcstudy_command(*words: str | Path, cwd: Path | None = None, code: int | None = None) -> Said:
-    """What `tcstudy WORDS` says and returns, run here in a folder, with warnings as errors. It must return `code`, if
-    given; 2 comes with one line on standard error."""
+    """What `tcstudy WORDS` says and returns, run here in a folder, with warnings as errors. It must
+    return `code`, if given; 2 comes with one line on standard error."""
     out, err = io.StringIO(), io.StringIO()
-    with chdir(cwd or Path.cwd()), redirect_stdout(out), redirect_stderr(err), catch_warnings(action="error"):
+    with (
+        chdir(cwd or Path.cwd()),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        catch_warnings(action="error"),
+    ):
         try:
             found = main([*map(str, words)])
         except SystemExit as stop:
@@ -44,5 +51,9 @@ def tcstudy_process(*words: str | Path, cwd: Path) -> subprocess.CompletedProces
     """The same as a user's shell starts it."""
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONWARNINGS": "error"}
     return subprocess.run(
-        [sys.executable, "-m", "tcstudy", *map(str, words)], cwd=cwd, env=environment, text=True, capture_output=True
+        [sys.executable, "-m", "tcstudy", *map(str, words)],
+        cwd=cwd,
+        env=environment,
+        text=True,
+        capture_output=True,
     )

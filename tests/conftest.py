@@ -1,5 +1,5 @@
-"""One BLAS thread for all tests: two make the many small dense operations slower, not faster. No terminal, no width, no
-results of other days in the cache."""
+"""One BLAS thread for all tests: two make the many small dense operations slower, not faster. No
+terminal, no width, no results of other days in the cache."""
 
 import gc
 import os

@@ -41,7 +41,8 @@ def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path)
 
 
 def test_a_notebook_needs_no_file_names(study: tcstudy.Study, tmp_path: Path) -> None:
-    """The same call returns at once, another says why it computes; a result shows itself, and is saved under a name."""
+    """The same call returns at once, another says why it computes; a result shows itself, and is
+    saved under a name."""
     points = study.with_(path=None, mesh_levels=1)
     first = tcstudy.run(points, jobs=1)
     again = tcstudy.run(points, jobs=1)
@@ -87,7 +88,9 @@ def test_a_study_shows_itself_and_its_faults_in_one_line(study: tcstudy.Study) -
     assert "friction.delta" in changed._ipython_key_completions_()
     again = tcstudy.Study.from_dict(YAML(typ="safe").load(changed.to_yaml()))
     assert again.to_yaml() == changed.to_yaml()
-    with pytest.raises(tcstudy.UsageError, match=r"no friction\.delat; did you mean 'friction\.delta'") as caught:
+    with pytest.raises(
+        tcstudy.UsageError, match=r"no friction\.delat; did you mean 'friction\.delta'"
+    ) as caught:
         changed["friction.delat"]
     assert caught.value._render_traceback_() == [f"UsageError: {caught.value}"]
 

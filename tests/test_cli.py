@@ -31,7 +31,8 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said]:
-    """The study run in a process of its own, so that streams, exit code, what is left are those of a shell."""
+    """The study run in a process of its own, so that streams, exit code, what is left are those of
+    a shell."""
     folder = tmp_path_factory.mktemp("ran")
     (folder / "block.yaml").write_text(STUDY)
     done = tcstudy_process("run", "block.yaml", cwd=folder)
@@ -40,7 +41,9 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said]:
     return folder, Said(0, done.stdout, done.stderr)
 
 
-def test_run_writes_the_file_and_a_table(ran: tuple[Path, Said], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_writes_the_file_and_a_table(
+    ran: tuple[Path, Said], monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder, result = ran
     assert "4 of 4 solutions found; data in results/block.nc" in result.stdout
     assert "level 1: h_max =" in result.stderr
@@ -54,7 +57,10 @@ def test_run_writes_the_file_and_a_table(ran: tuple[Path, Said], monkeypatch: py
         assert found["values"]["u_T_max"] == tree["u_T_max"].values.tolist()
     monkeypatch.setenv("COLUMNS", "80")
     assert max(map(len, wide.splitlines())) > 80
-    assert max(map(len, tcstudy_command("show", "results/block.nc", cwd=folder).stdout.splitlines())) <= 80
+    assert (
+        max(map(len, tcstudy_command("show", "results/block.nc", cwd=folder).stdout.splitlines()))
+        <= 80
+    )
     assert tcstudy_command("show", "results/block.nc", "-v", cwd=folder).stdout == wide
 
 
@@ -62,8 +68,17 @@ def test_draw(ran: tuple[Path, Said]) -> None:
     words = ("--x", "tau", "--y", "slip_length", "--size", "8x10cm")
     curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=ran[0], code=0)
     assert curves.stdout == "c.png: slip_length over tau, level 1\n"
-    for option, said in (("--at=tua=0.01", "tau"), ("--map=tau", "--map: name two"), ("--size=tau", "--size: ")):
-        assert said in tcstudy_command("draw", "results/block.nc", "b.png", option, cwd=ran[0], code=2).stderr
+    for option, said in (
+        ("--at=tua=0.01", "tau"),
+        ("--map=tau", "--map: name two"),
+        ("--size=tau", "--size: "),
+    ):
+        assert (
+            said
+            in tcstudy_command(
+                "draw", "results/block.nc", "b.png", option, cwd=ran[0], code=2
+            ).stderr
+        )
     assert not (ran[0] / "b.png").exists()
 
 
@@ -73,10 +88,15 @@ def test_a_finished_study_ends_at_once_and_another_one_asks(ran: tuple[Path, Sai
     asked, other = ("run", "block.yaml", "-o", "again.nc"), ("--set", "sweep={}")
     again = tcstudy_command(*asked, cwd=folder, code=0)
     assert again.stderr == "again.nc holds these results already; --force computes them again\n"
-    assert again.stdout.replace("found before", "found") == first.stdout.replace("results/block", "again")
+    assert again.stdout.replace("found before", "found") == first.stdout.replace(
+        "results/block", "again"
+    )
     refused = tcstudy_command(*asked, *other, cwd=folder, code=2)
     assert refused.stderr.startswith("block.yaml: again.nc holds the results of another study")
-    for words, said in ((), "holds these results already; a run ends at once"), (other, "a run would stop here"):
+    for words, said in (
+        ((), "holds these results already; a run ends at once"),
+        (other, "a run would stop here"),
+    ):
         assert said in tcstudy_command(*asked, "--dry-run", *words, cwd=folder, code=0).stdout
     assert file.read_bytes() == (folder / "results" / "block.nc").read_bytes()
     tcstudy_command(*asked, *other, "--force", cwd=folder, code=0)
@@ -91,7 +111,9 @@ def test_plan_touches_nothing(folder: Path) -> None:
         assert said in result.stdout
     assert "about" not in result.stdout.split("left out")[0]  # sizes are counted
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
-    found = json.loads(tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout)
+    found = json.loads(
+        tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout
+    )
     assert (found["points"], len(found["levels"])) == (2, 2)
 
 
@@ -125,10 +147,15 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "message"), REFUSED)
-def test_what_cannot_be_is_refused_in_one_line_and_leaves_nothing(words: str, message: str, folder: Path) -> None:
+def test_what_cannot_be_is_refused_in_one_line_and_leaves_nothing(
+    words: str, message: str, folder: Path
+) -> None:
     (folder / "block.nc").write_bytes(b"\x89HDF")
     command, _, options = words.partition(" --")
-    given = [*command.split(" "), *(f"--{word.strip(' ')}" for word in options.split(" --") if options)]
+    given = [
+        *command.split(" "),
+        *(f"--{word.strip(' ')}" for word in options.split(" --") if options),
+    ]
     refused = tcstudy_command(*given, cwd=folder, code=2)
     assert refused.stdout == ""
     assert message in refused.stderr
@@ -136,7 +163,9 @@ def test_what_cannot_be_is_refused_in_one_line_and_leaves_nothing(words: str, me
     assert sorted(p.name for p in folder.iterdir()) == ["block.nc", "block.yaml"]
 
 
-def test_a_picture_without_matplotlib_is_refused_before_any_work(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_without_matplotlib_is_refused_before_any_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     refused = tcstudy_command("cost", "block.yaml", "--plot", "a.png", cwd=folder, code=2)
     assert 'pip install "tcstudy[plot]"' in refused.stderr
@@ -161,8 +190,13 @@ def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
         "except SystemExit: pass\n"
         "print(*(name for name in sys.modules if '.' not in name))"
     )
-    heavy, light = {"ngsolve", "netgen", "matplotlib", "xarray"}, {"numpy", "scipy", "shapely", "pint", "ruamel"}
+    heavy, light = (
+        {"ngsolve", "netgen", "matplotlib", "xarray"},
+        {"numpy", "scipy", "shapely", "pint", "ruamel"},
+    )
     for words in ("--help", "run --help", "run bad.yaml --dry-run"):
-        done = subprocess.run([sys.executable, "-c", code, *words.split()], cwd=folder, text=True, capture_output=True)
+        done = subprocess.run(
+            [sys.executable, "-c", code, *words.split()], cwd=folder, text=True, capture_output=True
+        )
         loaded = {*done.stdout.splitlines()[-1].split()}
         assert not loaded & (heavy if "bad" in words else heavy | light)

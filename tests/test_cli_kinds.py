@@ -1,4 +1,5 @@
-"""`tcstudy` on studies of every kind, as a user types it: converge, cost, and run of a path and of a history; init."""
+"""`tcstudy` on studies of every kind, as a user types it: converge, cost, and run of a path and of
+a history; init."""
 
 import json
 from pathlib import Path
@@ -46,7 +47,9 @@ def test_an_exact_solution_of_another_problem_is_called_that(tmp_path: Path) -> 
     """The block is clamped at the left, the given displacement is not."""
     exact = "exact={u: ['1 + 0.7*y + 0.1*y*sin(pi*x)*(1 - y)', '0']}"
     text = ALONE.replace("levels: 2", "levels: 3") + "sweep: {E: [1, 2]}\n"
-    alone = tcstudy_command("converge", "block.yaml", "--set", exact, cwd=made(tmp_path, text), code=0)
+    alone = tcstudy_command(
+        "converge", "block.yaml", "--set", exact, cwd=made(tmp_path, text), code=0
+    )
     said = " ".join(alone.stdout.split())
     assert "The error of u does not fall at 2 of 2 points" in said
     assert "misses the friction law by" in said
@@ -54,7 +57,9 @@ def test_an_exact_solution_of_another_problem_is_called_that(tmp_path: Path) -> 
 
 def test_meshes_are_told_with_the_unit_of_their_table(tmp_path: Path) -> None:
     """So that 0.05 m is not sought in vain among millimetres."""
-    text = ALONE.replace("units: none", "units: SI").replace("width: 2, height: 1", "width: 0.2, height: 0.1")
+    text = ALONE.replace("units: none", "units: SI").replace(
+        "width: 2, height: 1", "width: 0.2, height: 0.1"
+    )
     made(tmp_path, text.replace("maxh: 0.3", "maxh: 50 mm"))
     assert "h_max [mm]" in tcstudy_command("converge", "block.yaml", cwd=tmp_path, code=0).stdout
 
@@ -63,7 +68,9 @@ def test_a_film_without_friction_has_no_error_of_xi(tmp_path: Path) -> None:
     """ξ is rounding there; a spring has errors of ξ although no kink gives its law a scale."""
     made(tmp_path, ALONE.replace("maxh: 0.3, levels: 2", "maxh: 0.6, levels: 4"))
     for law, has in (("{law: tresca, tau: 0}", False), ("{law: linear, k: 0.1}", True)):
-        said = tcstudy_command("converge", "block.yaml", "--set", f"friction={law}", "--force", cwd=tmp_path).stdout
+        said = tcstudy_command(
+            "converge", "block.yaml", "--set", f"friction={law}", "--force", cwd=tmp_path
+        ).stdout
         assert "u_T in L²" in said
         assert ("ξ in L²(Γ_C) " in said) == has
 
@@ -74,7 +81,11 @@ def test_a_sweep_gets_one_row_of_orders_a_point(tmp_path: Path) -> None:
     made(tmp_path, STUDY.replace("maxh: 0.3, levels: 2", "maxh: 0.6, levels: 4"))
     for words in ((), ("--at", "tau=0.01"), ("-v",), ("--json",), ("--quiet",)):
         said[words] = tcstudy_command("converge", "block.yaml", *words, cwd=tmp_path, code=0).stdout
-    rows = [line for line in said[()].splitlines() if line.split()[:1] in (["0.005"], ["0.01"], ["expected"])]
+    rows = [
+        line
+        for line in said[()].splitlines()
+        if line.split()[:1] in (["0.005"], ["0.01"], ["expected"])
+    ]
     assert len(rows) == 3
     assert "Relative errors" not in said[()]
     assert "\ntau = 0.01\n" in said["--at", "tau=0.01"]
@@ -92,7 +103,9 @@ def test_one_command_makes_the_chart_of_a_point_and_others_show_it_again(
 ) -> None:
     monkeypatch.setattr(cost, "RUNS", 2)
     made(tmp_path, STUDY.replace("maxh: 0.3", "maxh: 0.8"))
-    result = tcstudy_command("cost", "block.yaml", "--plot", "a.png", "--at", "tau=0.01", cwd=tmp_path, code=0)
+    result = tcstudy_command(
+        "cost", "block.yaml", "--plot", "a.png", "--at", "tau=0.01", cwd=tmp_path, code=0
+    )
     assert "Scene: tau = 0.01. Errors of u in energy" in result.stdout
     assert "The study's own settings (uniform, level 1, separable-newton)" in result.stdout
     assert "run 2 of 2, about" in result.stderr
@@ -105,13 +118,20 @@ def test_one_command_makes_the_chart_of_a_point_and_others_show_it_again(
     drawn = tcstudy_command("draw", file, "b.svg", "--y", "u_L2", cwd=tmp_path, code=0)
     assert drawn.stdout == "b.svg: u in L², tau = 0.01\n"
     idle = tcstudy_command("draw", file, "c.svg", "--level", "1", cwd=tmp_path, code=2)
-    assert idle.stderr == "--level: the picture of a cost file does not depend on it; leave it out\n"
+    assert (
+        idle.stderr == "--level: the picture of a cost file does not depend on it; leave it out\n"
+    )
     assert not (tmp_path / "c.svg").exists()
 
 
 def test_path_writes_a_file_a_table_and_a_picture(tmp_path: Path) -> None:
-    result = tcstudy_command("run", "block.yaml", "--plot", "a.png", cwd=made(tmp_path, STUDY + PATH), code=0)
-    assert result.stderr == "warning: a path is of one scene, that outside the sweep; the values of tau are not used\n"
+    result = tcstudy_command(
+        "run", "block.yaml", "--plot", "a.png", cwd=made(tmp_path, STUDY + PATH), code=0
+    )
+    assert (
+        result.stderr
+        == "warning: a path is of one scene, that outside the sweep; the values of tau are not used\n"
+    )
     assert "data in results/block-path.nc" in result.stdout
     assert "Path along load from 0 to 2" in result.stdout
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
@@ -120,7 +140,9 @@ def test_path_writes_a_file_a_table_and_a_picture(tmp_path: Path) -> None:
         assert "tcstudy run block.yaml" in data.attrs["history"]
     shown = tcstudy_command("show", "results/block-path.nc", cwd=tmp_path)
     assert shown.stdout.partition("  warning")[0].strip() in result.stdout
-    early = tcstudy_command("run", "block.yaml", "--force", "--set", "path.max_pieces=1", cwd=tmp_path, code=1)
+    early = tcstudy_command(
+        "run", "block.yaml", "--force", "--set", "path.max_pieces=1", cwd=tmp_path, code=1
+    )
     assert "raise max_pieces" in early.stdout
     assert "the path has no solution at load = 1.5" in early.stdout
 
@@ -161,7 +183,13 @@ def test_the_starter_is_written_once_planned_and_solved(tmp_path: Path) -> None:
     result = tcstudy_command("run", "first.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
     assert "12 of 12 solutions found" in result.stdout
     schema.write_text("mine")
-    for name, said in (("first.yaml", "is there already, and is kept; name another file"), ("none/a.yaml", "cannot")):
+    for name, said in (
+        ("first.yaml", "is there already, and is kept; name another file"),
+        ("none/a.yaml", "cannot"),
+    ):
         assert said in tcstudy_command("init", name, cwd=tmp_path, code=2).stderr
     tcstudy_command("init", "other.yaml", cwd=tmp_path, code=0)
-    assert ((tmp_path / "first.yaml").read_text(encoding="utf-8"), schema.read_text()) == (text, "mine")
+    assert ((tmp_path / "first.yaml").read_text(encoding="utf-8"), schema.read_text()) == (
+        text,
+        "mine",
+    )

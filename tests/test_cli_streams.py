@@ -1,4 +1,5 @@
-"""The command line with streams that are closed, full or without a reader, and with little memory."""
+"""The command line with streams that are closed, full or without a reader, and with little
+memory."""
 
 import os
 import subprocess
@@ -14,7 +15,11 @@ from tests.test_cli import STUDY as BLOCK
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell redirections of POSIX")
 
 COARSE = BLOCK.replace("maxh: 0.3, levels: 2", "maxh: 0.5, levels: 1")
-STUDY = r'title: "\e[31mred\e]0;own\a"' + "\n" + COARSE.replace("[0.005, 0.01]", "{linspace: [0.005, 0.01, 40]}")
+STUDY = (
+    r'title: "\e[31mred\e]0;own\a"'
+    + "\n"
+    + COARSE.replace("[0.005, 0.01]", "{linspace: [0.005, 0.01, 40]}")
+)
 
 
 def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:

@@ -1,4 +1,5 @@
-"""The guides say what is: files that exist, sections that stand, arrows that are tested, studies that can be run."""
+"""The guides say what is: files that exist, sections that stand, arrows that are tested, studies
+that can be run."""
 
 import re
 from pathlib import Path
@@ -15,7 +16,11 @@ INDEX = (CONFIGS / "README.md").read_text(encoding="utf-8")
 
 
 def test_every_cited_section_of_the_method_exists() -> None:
-    sections = set(re.findall(r"^## (\d+)\.", (PACKAGE / "METHOD.md").read_text(encoding="utf-8"), re.MULTILINE))
+    sections = set(
+        re.findall(
+            r"^## (\d+)\.", (PACKAGE / "METHOD.md").read_text(encoding="utf-8"), re.MULTILINE
+        )
+    )
     cited = {
         (number, path.name)
         for path in PACKAGE.rglob("*.py")
@@ -55,10 +60,14 @@ def test_links_of_the_guides_lead_somewhere() -> None:
     wrong = []
     for name in GUIDES:
         text = (ROOT / name).read_text(encoding="utf-8")
-        for link in re.findall(r"\]\((?!https?:)([^)]+)\)", re.sub(r"```.*?```", "", text, flags=re.DOTALL)):
+        for link in re.findall(
+            r"\]\((?!https?:)([^)]+)\)", re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+        ):
             path, _, anchor = link.partition("#")
             target = (ROOT / name).parent / path if path else ROOT / name
-            if not target.exists() or (anchor and anchor not in anchors(target.read_text(encoding="utf-8"))):
+            if not target.exists() or (
+                anchor and anchor not in anchors(target.read_text(encoding="utf-8"))
+            ):
                 wrong.append(f"{name}: {link}")
     assert not wrong
 
@@ -74,7 +83,9 @@ def test_the_gallery_has_short_studies_and_small_pictures() -> None:
         assert (ROOT / "results" / f"gallery-{name}.png").stat().st_size < 150_000
 
 
-def test_the_first_page_is_short_and_runs_in_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_page_is_short_and_runs_in_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "results").mkdir()
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     monkeypatch.chdir(tmp_path)
@@ -92,7 +103,9 @@ def test_every_study_is_planned(config: Path, tmp_path: Path) -> None:
     own = {"quickstart": ("--set", "mesh.levels=3"), "welded_rail": ("--set", "mesh.maxh=344 mm")}
     coarse = own.get(config.stem, () if fine else ("--set", "mesh.levels=1"))
     said = tcstudy_command("run", config, "--dry-run", *coarse, cwd=tmp_path, code=0)
-    does = {"path": "  path along ", "fit": "  fit of "}.get(study.kind, f"{len(study.scenes)} point")
+    does = {"path": "  path along ", "fit": "  fit of "}.get(
+        study.kind, f"{len(study.scenes)} point"
+    )
     assert does in said.stdout
     assert " GB\n" in said.stdout
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,5 @@
-"""The order of the house: which room may use which, as data; who may speak to NGSolve, to the terminal, to files."""
+"""The order of the house: which room may use which, as data; who may speak to NGSolve, to the
+terminal, to files."""
 
 import ast
 import sys
@@ -31,14 +32,18 @@ ARROWS: dict[str, set[str]] = {
     "data": {"errors", "scene"},
     "reports": {"accuracy", "data", "errors", "laws", "read", "scene", "shapes"},
 }
-"""What each room may import beside itself. `study` may use every room below it; the rest of the package, all."""
+"""What each room may import beside itself. `study` may use every room below it; the rest of the
+package, all."""
 
 BELOW_STUDY = {*ARROWS} - {"reports"}
 NUMERICS = {*ARROWS} - {"errors", "scene", "read", "fem", "data", "reports"}
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}
 PRINTING = ("reports", "commands", "cli")
-FILES = {path: path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in sorted(PACKAGE.rglob("*.py"))}
+FILES = {
+    path: path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
 """The room of every file; a file at the top is a room of its own."""
 
 
@@ -59,17 +64,26 @@ def imported(path: Path) -> Iterator[tuple[str, int]]:
                 yield from ((f"tcstudy.{alias.name}", node.lineno) for alias in node.names)
 
 
-def wrong(judge: Callable[[str, str], bool], found: Callable[[Path], Iterator[tuple[str, int]]] = imported) -> str:
+def wrong(
+    judge: Callable[[str, str], bool], found: Callable[[Path], Iterator[tuple[str, int]]] = imported
+) -> str:
     """Where a room imports, or calls, what it must not by the judgement of (room, name)."""
     places = ((path, room, *one) for path, room in FILES.items() for one in found(path))
-    return "\n".join(f"{path}:{line}: {name}" for path, room, name, line in places if judge(room, name))
+    return "\n".join(
+        f"{path}:{line}: {name}" for path, room, name, line in places if judge(room, name)
+    )
 
 
 def test_every_arrow_is_allowed_and_every_room_known() -> None:
     def forbidden(room: str, name: str) -> bool:
         allowed = BELOW_STUDY if room == "study" else ARROWS.get(room)
         parts = name.split(".")
-        return allowed is not None and parts[0] == "tcstudy" and len(parts) > 1 and parts[1] not in {*allowed, room}
+        return (
+            allowed is not None
+            and parts[0] == "tcstudy"
+            and len(parts) > 1
+            and parts[1] not in {*allowed, room}
+        )
 
     assert not wrong(forbidden)
     rooms = {room for path, room in FILES.items() if path.parent != PACKAGE}
@@ -77,13 +91,20 @@ def test_every_arrow_is_allowed_and_every_room_known() -> None:
 
 
 def test_no_files_need_each_other() -> None:
-    """No circle of imports, late ones within functions included; those for type checkers alone do not count."""
-    dotted = {path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for path in FILES}
+    """No circle of imports, late ones within functions included; those for type checkers alone do
+    not count."""
+    dotted = {
+        path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for path in FILES
+    }
     names = {path: name.removesuffix(".__init__") for path, name in dotted.items()}
     known = set(names.values())
     arrows: dict[str, set[str]] = {}
     for path, name in names.items():
-        typing = (n for n in nodes(path) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
+        typing = (
+            n
+            for n in nodes(path)
+            if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"
+        )
         typing_only = {node for one in typing for node in ast.walk(one)}
         used: set[str] = set()
         for node in nodes(path):
@@ -95,7 +116,8 @@ def test_no_files_need_each_other() -> None:
 
 
 REPORTS = ("", "terminal", "figures", "page", "export")
-"""The rooms of reports, each of which may use those before it; the first is what is read and said for all."""
+"""The rooms of reports, each of which may use those before it; the first is what is read and said
+for all."""
 
 
 @pytest.mark.parametrize("own", REPORTS)
@@ -118,7 +140,9 @@ def calls(path: Path) -> Iterator[tuple[str, int]]:
 
 
 def test_who_speaks_to_whom() -> None:
-    assert not wrong(lambda room, name: name.split(".")[0] in ("ngsolve", "netgen") and room != "fem")
+    assert not wrong(
+        lambda room, name: name.split(".")[0] in ("ngsolve", "netgen") and room != "fem"
+    )
     assert not wrong(lambda room, name: room in NUMERICS and name in SPEAKING, calls)
     assert not wrong(lambda room, name: name == "print" and room not in PRINTING, calls)
 
@@ -131,17 +155,23 @@ def test_a_room_says_what_belongs_in_it(room: str) -> None:
 
 
 DOOR = ("api", "matrices")
-"""The public door: its Study and ContactProblem stand for those of the rooms behind it, under the name users know."""
+"""The public door: its Study and ContactProblem stand for those of the rooms behind it, under the
+name users know."""
 
 
 def test_no_two_public_classes_share_a_name() -> None:
     inner = (node for path, room in FILES.items() if room not in DOOR for node in nodes(path))
-    names = Counter(node.name for node in inner if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
+    names = Counter(
+        node.name
+        for node in inner
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
     assert not [name for name, count in names.items() if count > 1]
 
 
 FILES_OF_A_POINT = 52
-"""Files of the package in which a run of one point executes functions; a scene pays only for what it uses."""
+"""Files of the package in which a run of one point executes functions; a scene pays only for what
+it uses."""
 
 
 def test_a_point_crosses_few_files(tmp_path: Path) -> None:
@@ -156,7 +186,18 @@ def test_a_point_crosses_few_files(tmp_path: Path) -> None:
     for name in ("a.nc", "b.nc"):
         sys.setprofile(enter if name == "b.nc" else None)
         try:
-            assert main(["run", study, "--set=sweep={}", "--set=mesh.levels=1", f"--output={tmp_path / name}"]) == 0
+            assert (
+                main(
+                    [
+                        "run",
+                        study,
+                        "--set=sweep={}",
+                        "--set=mesh.levels=1",
+                        f"--output={tmp_path / name}",
+                    ]
+                )
+                == 0
+            )
         finally:
             sys.setprofile(None)
     assert len(entered) <= FILES_OF_A_POINT, sorted(entered)

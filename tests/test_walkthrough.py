@@ -42,15 +42,23 @@ A = [[2.0, -1.0], [-1.0, 2.0]]
 LAW = tcstudy.law("tresca", tau=1.0)
 
 
-def problem(A_tilde: object = A, l_tilde: object = (0, 0), c: object = (1, 1), law: object = LAW) -> Any:
+def problem(
+    A_tilde: object = A, l_tilde: object = (0, 0), c: object = (1, 1), law: object = LAW
+) -> Any:
     return tcstudy.ContactProblem(A_tilde, l_tilde, c, law)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: problem([[2, 1], [0, 2]]), r"^A_tilde is not symmetric: \[0, 1\] = 1, \[1, 0\] = 0"),
-        (lambda: problem([[1, 2], [2, 1]]), r"^A_tilde is not positive definite \(least eigenvalue -1"),
+        (
+            lambda: problem([[2, 1], [0, 2]]),
+            r"^A_tilde is not symmetric: \[0, 1\] = 1, \[1, 0\] = 0",
+        ),
+        (
+            lambda: problem([[1, 2], [2, 1]]),
+            r"^A_tilde is not positive definite \(least eigenvalue -1",
+        ),
         (lambda: problem([[1, np.nan], [np.nan, 1]]), r"^A_tilde\[0, 1\] is not a finite number"),
         (lambda: problem(l_tilde=[0, np.inf]), r"^l_tilde\[1\] is not a finite number"),
         (lambda: problem(c=[1, 0]), r"^c\[1\] = 0 is no length"),
@@ -67,15 +75,21 @@ def problem(A_tilde: object = A, l_tilde: object = (0, 0), c: object = (1, 1), l
         (lambda: tcstudy.follow(problem(), [1, 0], [5, 5]), "no path"),
     ],
 )
-def test_bad_matrices_and_options_are_refused_in_one_line(call: Callable[[], object], said: str) -> None:
+def test_bad_matrices_and_options_are_refused_in_one_line(
+    call: Callable[[], object], said: str
+) -> None:
     with pytest.raises(tcstudy.ProblemError, match=said) as fault:
         call()
     assert "\n" not in str(fault.value)
 
 
 def test_a_law_for_every_node_is_solved_certified_and_followed() -> None:
-    """Two springs that do not touch, on a film that softens and on one that slips: each is what it is alone."""
-    soft, slipping = tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0), tcstudy.law("tresca", tau=0.5)
+    """Two springs that do not touch, on a film that softens and on one that slips: each is what it
+    is alone."""
+    soft, slipping = (
+        tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0),
+        tcstudy.law("tresca", tau=0.5),
+    )
     both = tcstudy.ContactProblem(np.eye(2), [1.2, 1.2], [1.0, 1.0], [soft, slipping])
     answer = tcstudy.solve(both)
     assert answer.v == pytest.approx([4 / 15, 0.7], rel=1e-12)
@@ -83,7 +97,9 @@ def test_a_law_for_every_node_is_solved_certified_and_followed() -> None:
     path = tcstudy.follow(both, [1.0, 1.0], answer, t_min=-1.2, t_max=4.0)
     for t, u in zip(1.2 + path.t, path.u, strict=True):
         assert u[1] == pytest.approx(max(0.0, t - 0.5), abs=1e-14)
-        assert u[0] == pytest.approx(max(0.0, min((t - 1.0) / 0.75, 4.0), t if t > 4.0 else 0.0), abs=1e-14)
+        assert u[0] == pytest.approx(
+            max(0.0, min((t - 1.0) / 0.75, 4.0), t if t > 4.0 else 0.0), abs=1e-14
+        )
     assert tcstudy.ContactProblem(np.eye(2), [1.2, 1.2], [1.0, 1.0], [soft, soft]).law is soft
 
 
@@ -104,7 +120,11 @@ def test_a_study_changes_by_keys() -> None:
     assert once.with_(mesh_levels=3).mesh.levels == 3
     alone = once.with_(sweep=None, heat_alpha=50.0)
     assert (len(alone.scenes), alone.mesh.levels, alone.scenes[0].heat.alpha) == (1, 2, 50.0)
-    named = tcstudy.load(CONFIGS / "quickstart.yaml", {"parameters": {"size": 0.02}, "mesh.maxh": "size"})
-    assert named.with_(size=0.03).with_({"parameters.size": 0.04}).with_(size=0.01).mesh.maxh == (0.01,)
+    named = tcstudy.load(
+        CONFIGS / "quickstart.yaml", {"parameters": {"size": 0.02}, "mesh.maxh": "size"}
+    )
+    assert named.with_(size=0.03).with_({"parameters.size": 0.04}).with_(size=0.01).mesh.maxh == (
+        0.01,
+    )
     with pytest.raises(tcstudy.StudyError, match=r"mesh\.level"):
         study.with_(mesh_level=2)

@@ -1,4 +1,5 @@
-"""What one must know of results before using them: told once, kept in every kind of file, told again by its readers."""
+"""What one must know of results before using them: told once, kept in every kind of file, told
+again by its readers."""
 
 import json
 import warnings
@@ -49,7 +50,9 @@ def told(work: Callable[[], object]) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", SECTIONS)
-def test_every_kind_of_file_keeps_its_warnings_and_python_has_them(kind: str, tmp_path: Path) -> None:
+def test_every_kind_of_file_keeps_its_warnings_and_python_has_them(
+    kind: str, tmp_path: Path
+) -> None:
     study, path = read_study_text(STUDY + SECTIONS[kind], "s.yaml"), tmp_path / "out.nc"
     work = getattr(tcstudy, kind, tcstudy.run)
     first, again = told(lambda: work(study, path)), told(lambda: work(study, path))
@@ -65,13 +68,17 @@ def test_readers_repeat_them(tmp_path: Path) -> None:
     assert ran.stderr.count(LOCKING) == 1
     assert ran.stdout.count("\n") == 1
     assert f"  warning: {LOCKING}" in tcstudy_command("show", "out.nc", cwd=tmp_path).stdout
-    [kept] = json.loads(tcstudy_command("show", "out.nc", "--json", cwd=tmp_path).stdout)["warnings"]
+    [kept] = json.loads(tcstudy_command("show", "out.nc", "--json", cwd=tmp_path).stdout)[
+        "warnings"
+    ]
     assert kept["text"].startswith(LOCKING)
     for words in (("show", "-q"), ("draw", "out.svg"), ("report",), ("export", "--json")):
         command, *more = words
         said = tcstudy_command(command, "out.nc", *more, cwd=tmp_path)
         assert said.stderr.count(LOCKING) == 1, command
-    assert f'<p class="warning">Warning: {LOCKING}' in (tmp_path / "out.html").read_text(encoding="utf-8")
+    assert f'<p class="warning">Warning: {LOCKING}' in (tmp_path / "out.html").read_text(
+        encoding="utf-8"
+    )
     assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["warnings"] == [kept]
     assert "Warning: nu = 0.49" in (tmp_path / "out.svg").read_text(encoding="utf-8")
 
@@ -92,18 +99,24 @@ def test_a_warning_of_one_geometry_says_which(tmp_path: Path) -> None:
         "outline: [{from: [0, 0], edge: bottom}, {from: [1, dip], edge: bottom}, {from: [2, 0], edge: right},"
         " {from: [2, 1], edge: top}, {from: [0, 1], edge: left}]",
     )
-    study = read_study_text(text + "parameters: {dip: 0 m}\nsweep: {parameters.dip: [0 m, 0.1 m]}\n", "s.yaml")
+    study = read_study_text(
+        text + "parameters: {dip: 0 m}\nsweep: {parameters.dip: [0 m, 0.1 m]}\n", "s.yaml"
+    )
     [said] = told(lambda: tcstudy.run(study, tmp_path / "out.nc"))
     assert said.startswith("parameters.dip = 0.1 m: 1 corner of the contact line is pinned")
     tree = tcstudy.open_results(tmp_path / "out.nc")
-    assert [(kept.where, str(kept)) for kept in remarks_of(tree.attrs)] == [("parameters.dip = 0.1 m", said)]
+    assert [(kept.where, str(kept)) for kept in remarks_of(tree.attrs)] == [
+        ("parameters.dip = 0.1 m", said)
+    ]
     assert [len(remarks_of(tree[f"geometry_{i}"].attrs)) for i in (0, 1)] == [0, 1]
 
 
 def test_no_warning_of_numpy_reaches_a_user(tmp_path: Path) -> None:
     """Every kind of law, heated, with warnings as errors."""
     heat = "heat: {alpha: 1, theta_bar: 5 K}\n"
-    text = STUDY.replace("right: free", "right: convection").replace("0.49", "0.3, k: 1, alpha_T: 1e-5")
+    text = STUDY.replace("right: free", "right: convection").replace(
+        "0.49", "0.3, k: 1, alpha_T: 1e-5"
+    )
     (tmp_path / "scene.yaml").write_text(text + heat + LAWS)
     result = tcstudy_command("run", "scene.yaml", cwd=tmp_path, code=0)
     assert "Warning" not in result.stderr + result.stdout

@@ -1,7 +1,8 @@
-"""A walk through tcstudy from Python; each step ends in one number, and all of them take a few seconds.
+"""A walk through tcstudy from Python; each step ends in one number, and all of them take a few
+seconds.
 
-Run it with `python tests/walkthrough.py`, or cell by cell in an editor or notebook (`# %%` begins one); the tests run
-it, too.
+Run it with `python tests/walkthrough.py`, or cell by cell in an editor or notebook (`# %%` begins
+one); the tests run it, too.
 """
 
 import tempfile
@@ -45,7 +46,9 @@ print("largest inclusion residual", residual)
 assert residual <= 1e-10
 table = result.to_dataframe()  # a row a point and level
 assert table["energy"].notna().all()
-result.draw(FOLDER / "block.svg", x="tau_k", y="slip_length")  # without a name the notebook shows it
+result.draw(
+    FOLDER / "block.svg", x="tau_k", y="slip_length"
+)  # without a name the notebook shows it
 
 # %% 4. Files of other values, joined and compared by xarray.
 one, two = FOLDER / "block.nc", FOLDER / "more.nc"
@@ -57,7 +60,9 @@ assert whole["energy"].notnull().all()
 assert np.allclose(shared["energy"], again["energy"], rtol=1e-9)
 
 # %% 5. Matrices of your own: a softening spring under one mass, in units of your choice.
-problem = tcstudy.ContactProblem([[1.0]], [1.2], [1.0], tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0))
+problem = tcstudy.ContactProblem(
+    [[1.0]], [1.2], [1.0], tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0)
+)
 answer = tcstudy.solve(problem)
 print("slip", answer.v[0])  # v + (1 − v/4) = 1.2
 assert np.isclose(answer.v[0], 4 / 15, rtol=1e-12)

@@ -1,4 +1,5 @@
-"""Error measures on plain meshes: norms, rates and the orders to expect, corner exponents, transfer between meshes.
+"""Error measures on plain meshes: norms, rates and the orders to expect, corner exponents, transfer
+between meshes.
 
 Not here: estimating an error without knowing the solution (refine).
 """

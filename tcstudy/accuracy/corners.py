@@ -1,21 +1,27 @@
-"""Places where the solution of a body may be singular, and how much: its corners, ends and kinks of interfaces.
+"""Places where the solution of a body may be singular, and how much: its corners, ends and kinks of
+interfaces.
 
-A contact edge holds u_N; where its last nodes stick it holds u_T as well. Stick and slip are told apart by the
-solution on the finest mesh, because the bound of the friction law, not the corner, decides between them.
+A contact edge holds u_N; where its last nodes stick it holds u_T as well. Stick and slip are told
+apart by the solution on the finest mesh, because the bound of the friction law, not the corner,
+decides between them.
 
 Exponents: u ~ r^α with the smallest positive Re α, θ ~ r^γ with the smallest positive γ.
 
-Around a place lie wedges, each of one material. In the wedge 0 < φ < ω Airy's stress function r^{α+1} F(φ),
-F = A cos(α+1)φ + B sin(α+1)φ + C cos(α−1)φ + D sin(α−1)φ, gives with κ = (λ+3μ)/(λ+μ)
+Around a place lie wedges, each of one material. In the wedge 0 < φ < ω Airy's stress function
+r^{α+1} F(φ), F = A cos(α+1)φ + B sin(α+1)φ + C cos(α−1)φ + D sin(α−1)φ, gives with κ = (λ+3μ)/(λ+μ)
 
     σ_φφ ∝ (α+1) F,  σ_rφ ∝ −F′,
     2μ u_r = −(α+1) F + (κ+1)(C cos(α−1)φ + D sin(α−1)φ),  2μ u_φ = −F′ + (κ+1)(C sin(α−1)φ − D cos(α−1)φ).
 
-With M(φ) from (A, B, C, D) to s = (u_r, u_φ, σ_rφ, σ_φφ), M(ω) M(0)⁻¹ carries s through the wedge, and s goes on at an
-interface. So with T the product over the wedges, the exponents are the zeros of det(R₂ T N₁), N₁ a basis of the s that
-the condition of the first side allows and R₂ what that of the last side makes vanish; of det(T − 1) where the wedges
+With M(φ) from (A, B, C, D) to s = (u_r, u_φ, σ_rφ, σ_φφ), M(ω) M(0)⁻¹ carries s through the wedge,
+and s goes on at an
+interface. So with T the product over the wedges, the exponents are the zeros of det(R₂ T N₁), N₁ a
+basis of the s that
+the condition of the first side allows and R₂ what that of the last side makes vanish; of det(T − 1)
+where the wedges
 close. Heat alike, with s = (θ, k ∂_φ θ/γ) and the rotation by γω.
-Literature: M. L. Williams, J. Appl. Mech. 19 (1952) 526–528; D. B. Bogy, J. Appl. Mech. 38 (1971) 377–386;
+Literature: M. L. Williams, J. Appl. Mech. 19 (1952) 526–528; D. B. Bogy, J. Appl. Mech. 38 (1971)
+377–386;
 R. B. Kellogg, Appl. Anal. 4 (1975) 101–129.
 Left out: exponents at which u is a polynomial (0, 1), and logarithms at double roots.
 """
@@ -41,12 +47,15 @@ Sticks = Callable[[str, Point], bool]
 
 
 def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) -> Sticks:
-    """Whether that contact node of an edge sticks which is nearest to a point; edges: (m,) names, xy: (m, 2) places."""
+    """Whether that contact node of an edge sticks which is nearest to a point; edges: (m,) names,
+    xy: (m, 2) places."""
     names = np.array(edges, dtype=str)
 
     def near(edge: str, at: Point) -> bool:
         own = np.flatnonzero(names == edge)
-        return len(own) > 0 and bool(sticks[own[np.argmin(np.linalg.norm(xy[own] - np.array(at), axis=1))]])
+        return len(own) > 0 and bool(
+            sticks[own[np.argmin(np.linalg.norm(xy[own] - np.array(at), axis=1))]]
+        )
 
     return near
 
@@ -83,15 +92,24 @@ def vertices(corners: Iterable[Junction], scene: Scene, sticks: Sticks) -> list[
 
 def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
     """None where nothing but an interface of one material ends or goes straight on."""
-    own, rest, roles = dict(scene.material.regions), replace(scene.material, regions=()), dict(scene.boundary)
+    own, rest, roles = (
+        dict(scene.material.regions),
+        replace(scene.material, regions=()),
+        dict(scene.boundary),
+    )
     parts = [(region if region in own else BODY, angle) for angle, region in corner.wedges]
     if corner.within:  # from an interface on
         first = next((i for i, (name, _) in enumerate(parts) if name != parts[i - 1][0]), 0)
         parts = [*parts[first:], *parts[:first]]
-    of = [(name, math.fsum(angle for _, angle in group)) for name, group in groupby(parts, lambda part: part[0])]
+    of = [
+        (name, math.fsum(angle for _, angle in group))
+        for name, group in groupby(parts, lambda part: part[0])
+    ]
     wedges = [(angle, own.get(name, rest)) for name, angle in of]
     one_material = len({material for _, material in wedges}) == 1
-    if corner.within and (one_material or (len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST)):
+    if corner.within and (
+        one_material or (len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST)
+    ):
         return None
     if corner.cut and not corner.within and len(wedges) == 1:
         return None
@@ -101,10 +119,14 @@ def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
     words, unit = tuple(said for _, said in held), wedges[0][1].mu
     cusp, exponent, heat = min(angle for angle, _ in wedges) < THINNEST, math.nan, SMOOTH
     if not cusp:
-        elastic = tuple((round(w, 12), m.mu / unit, (m.lam + 3 * m.mu) / (m.lam + m.mu)) for w, m in wedges)
+        elastic = tuple(
+            (round(w, 12), m.mu / unit, (m.lam + 3 * m.mu) / (m.lam + m.mu)) for w, m in wedges
+        )
         exponent = corner_exponent(elastic, *(directions for directions, _ in held))
     if not cusp and scene.conducts and scene.heat.theta is None:
-        given = [(edge := roles[side.name].heat) is not None and edge.theta is not None for side in sides]
+        given = [
+            (edge := roles[side.name].heat) is not None and edge.theta is not None for side in sides
+        ]
         heat = heat_exponent(tuple((round(w, 12), m.k or 1.0) for w, m in wedges), *given)
     free = [m.beta / (m.lam + m.mu) for _, m in wedges]  # expansion, over θ/2
     if (scene.conducts or scene.heat.theta) and max(free) - min(free) > 1e-12 * max(map(abs, free)):
@@ -113,13 +135,21 @@ def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
     laws = isinstance(scene.friction, EdgeLaws) and len({side.name for side in sides}) > 1
     steps = contact and (set(words) != {"slipping contact"} or not one_material or laws)
     meeting = () if one_material else tuple(name for name, _ in of)
-    return Vertex(corner.at, math.fsum(angle for angle, _ in wedges), words, exponent, heat, steps, meeting)
+    return Vertex(
+        corner.at, math.fsum(angle for angle, _ in wedges), words, exponent, heat, steps, meeting
+    )
 
 
-def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple[Direction, ...], str]:
+def _condition(
+    role: Role, side: Side, at: Point, sticks: Sticks
+) -> tuple[tuple[Direction, ...], str]:
     """Held directions in the polar frame of a side, and the condition in words."""
     if isinstance(role, Contact):
-        return (CLAMPED, "sticking contact") if sticks(side.name, at) else (SLIDING, "slipping contact")
+        return (
+            (CLAMPED, "sticking contact")
+            if sticks(side.name, at)
+            else (SLIDING, "slipping contact")
+        )
     if isinstance(role, Rigid):  # whatever it moves by, it is straight
         return CLAMPED, "rigid"
     if not isinstance(role, Clamped):
@@ -158,7 +188,8 @@ SLIDING: Held = ((0.0, 1.0),)
 """u_N = 0 without (or with a bounded, smooth) tangential traction."""
 
 SMOOTH = 2.0
-"""Exponent that stands for a corner without any below it: P1 elements cannot tell it from a smooth solution."""
+"""Exponent that stands for a corner without any below it: P1 elements cannot tell it from a smooth
+solution."""
 
 
 @lru_cache(maxsize=256)
@@ -172,7 +203,8 @@ def corner_exponent(wedges: tuple[tuple[float, float, float], ...], *sides: Held
     def carried(alpha: Complex) -> list[Complex]:
         return [_carried(alpha, *wedge) for wedge in wedges]
 
-    # a rotation of the whole is a zero at 1 of several orders where the wedges close, known to few digits
+    # a rotation of the whole is a zero at 1 of several orders where the wedges close, known to few
+    # digits
     ends = (_allowed(sides[0]), _vanishing(sides[1])) if sides else None
     return _least_exponent(carried, ends, SMOOTH, 1e-5 if sides else 1e-2)
 
@@ -194,16 +226,22 @@ def heat_exponent(wedges: tuple[tuple[float, float], ...], *given: bool) -> floa
 
 
 def _least_exponent(
-    carried: Callable[[Complex], list[Complex]], ends: tuple[Array, Array] | None, most: float, near: float
+    carried: Callable[[Complex], list[Complex]],
+    ends: tuple[Array, Array] | None,
+    most: float,
+    near: float,
 ) -> float:
-    """The smallest real part of the zeros of det(R₂ T N₁), or of det(T − 1) without ends; SMOOTH if there is none.
+    """The smallest real part of the zeros of det(R₂ T N₁), or of det(T − 1) without ends; SMOOTH if
+    there is none.
 
     carried: exponents (n,) → (n, k, k) what carries through every wedge;  ends: N₁ and R₂
     """
 
     def determinant(exponent: Complex) -> Complex:
         through = reduce(lambda before, wedge: wedge @ before, carried(exponent))
-        closed = through - np.eye(through.shape[-1]) if ends is None else ends[1] @ through @ ends[0]
+        closed = (
+            through - np.eye(through.shape[-1]) if ends is None else ends[1] @ through @ ends[0]
+        )
         return np.asarray(np.linalg.det(closed))
 
     return float(min((root.real for root in _roots(determinant, most, near)), default=SMOOTH))
@@ -214,7 +252,9 @@ def _carried(alpha: Complex, angle: float, mu: float, kappa: float) -> Complex:
     plus, minus, zero = (alpha + 1) * angle, (alpha - 1) * angle, np.zeros_like(alpha)
     cos_m, sin_m = np.cos(minus), np.sin(minus)
     F = np.array([np.cos(plus), np.sin(plus), cos_m, sin_m])
-    dF = np.array([-(alpha + 1) * F[1], (alpha + 1) * F[0], -(alpha - 1) * sin_m, (alpha - 1) * cos_m])
+    dF = np.array(
+        [-(alpha + 1) * F[1], (alpha + 1) * F[0], -(alpha - 1) * sin_m, (alpha - 1) * cos_m]
+    )
     u_r = -(alpha + 1) * F + (kappa + 1) * np.array([zero, zero, cos_m, sin_m])
     u_phi = -dF + (kappa + 1) * np.array([zero, zero, sin_m, -cos_m])
     there = np.array([u_r / (2 * mu), u_phi / (2 * mu), -dF, (alpha + 1) * F])
@@ -241,16 +281,21 @@ def _vanishing(held: Held) -> Array:
 
 
 def _roots(function: Callable[[Complex], Complex], most: float, near: float) -> list[complex]:
-    """Zeros in 0 < Re α < most but 1, and not so near the ends: Newton's method from a grid of starts."""
+    """Zeros in 0 < Re α < most but 1, and not so near the ends: Newton's method from a grid of
+    starts."""
     real, imaginary = np.meshgrid(np.linspace(0.05, most, 40), np.linspace(0.0, 1.6, 9))
     alpha: Complex = (real + 1j * imaginary).ravel().astype(np.complex128)
     step, eps = np.full(alpha.shape, np.inf, dtype=complex), 1e-6
     with np.errstate(all="ignore"):
         for _ in range(60):
             on = np.abs(step) > 1e-12
-            value, right, left = np.split(function(np.concatenate([alpha[on] + d for d in (0.0, eps, -eps)])), 3)
+            value, right, left = np.split(
+                function(np.concatenate([alpha[on] + d for d in (0.0, eps, -eps)])), 3
+            )
             newton = value * 2 * eps / (right - left)
-            step[on] = newton = np.where(np.isfinite(newton), newton, 1.0)  # where the slope vanishes
+            step[on] = newton = np.where(
+                np.isfinite(newton), newton, 1.0
+            )  # where the slope vanishes
             moved = alpha[on] - newton * np.minimum(1.0, 0.3 / np.maximum(np.abs(newton), 1e-300))
             alpha[on] = np.where(np.abs(moved) < 20, moved, 20.0)
     found: list[complex] = []

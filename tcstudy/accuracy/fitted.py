@@ -1,27 +1,32 @@
 """Parameters from measurements, and distances of measured points to a curve.
 
-Distances of measured points to a polygon that may turn back in both coordinates, such as a path through folds.
+Distances of measured points to a polygon that may turn back in both coordinates, such as a path
+through folds.
 
-Points come in the order of a test, so their feet must not go back along the polygon. Among all sequences of sides that
-do not, dynamic programming finds the one of least Σ d²: exact, at n·K operations for n points and K sides. (The order
-within one side is left alone: feet of neighbours may change places by less than a side.)
+Points come in the order of a test, so their feet must not go back along the polygon. Among all
+sequences of sides that do not, dynamic programming finds the one of least Σ d²: exact, at n·K
+operations for n points and K sides. (The order within one side is left alone: feet of neighbours
+may change places by less than a side.)
 
-The distance is signed: positive on the left of the direction of travel, at a corner of that of both its sides, so that
-rounding, which chooses one of them, decides nothing. By the envelope theorem its derivative by any
-parameter of the curve is −nᵀ ∂(curve)/∂p at the foot, n the unit vector from foot to point, whatever coordinate along
-the curve is held fixed. Left out: several measured coordinates beside the parameter.
+The distance is signed: positive on the left of the direction of travel, at a corner of that of both
+its sides, so that rounding, which chooses one of them, decides nothing. By the envelope theorem its
+derivative by any parameter of the curve is −nᵀ ∂(curve)/∂p at the foot, n the unit vector from foot
+to point, whatever coordinate along the curve is held fixed. Left out: several measured coordinates
+beside the parameter.
 
 Parameters from measurements: least squares in bounds, and what the data say of them and what not.
 
-Residuals r_i(p) = (model − datum)_i/σ_i; minimised is ½ Σ ρ(r_i²) by a trust region that stays inside the bounds, with
-the model's Jacobian, in q = ln p where a parameter has a logarithmic scale. At the minimum, with n data and k free
-parameters, the covariance of q is s²(JᵀJ)⁻¹, s² = 1 where the noise is known and RSS/(n − k) where it is estimated;
-intervals are Student's. A direction of J by ln p whose singular value is below WEAK of the largest, or whose interval
-is wider than a factor e, is one along which the data say nothing: named are the products that they do determine.
+Residuals r_i(p) = (model − datum)_i/σ_i; minimised is ½ Σ ρ(r_i²) by a trust region that stays
+inside the bounds, with the model's Jacobian, in q = ln p where a parameter has a logarithmic scale.
+At the minimum, with n data and k free parameters, the covariance of q is s²(JᵀJ)⁻¹, s² = 1 where
+the noise is known and RSS/(n − k) where it is estimated; intervals are Student's. A direction of J
+by ln p whose singular value is below WEAK of the largest, or whose interval is wider than a factor
+e, is one along which the data say nothing: named are the products that they do determine.
 
-The signs of residuals of a right model come in as many runs as those of coins (Wald & Wolfowitz): fewer say that the
-curve is of the wrong shape. Literature: Nocedal & Wright, Numerical Optimization (2006), ch. 10; Seber & Wild,
-Nonlinear Regression (2003), ch. 2 and 5; Branch, Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1–23 (the trust region).
+The signs of residuals of a right model come in as many runs as those of coins (Wald & Wolfowitz):
+fewer say that the curve is of the wrong shape. Literature: Nocedal & Wright, Numerical Optimization
+(2006), ch. 10; Seber & Wild, Nonlinear Regression (2003), ch. 2 and 5; Branch, Coleman & Li, SIAM
+J. Sci. Comput. 21 (1999) 1–23 (the trust region).
 """
 
 from __future__ import annotations
@@ -85,7 +90,9 @@ def _in_order(square: Array) -> Index:
     total, came = square[0], np.zeros((n, K), dtype=np.intp)
     for i in range(1, n):
         least = np.minimum.accumulate(total)
-        first = np.concatenate([[True], total[1:] < least[:-1]])  # the latest side that set the minimum
+        first = np.concatenate(
+            [[True], total[1:] < least[:-1]]
+        )  # the latest side that set the minimum
         came[i] = np.maximum.accumulate(np.where(first, np.arange(K), 0))
         total = least + square[i]
     side = np.empty(n, dtype=np.intp)
@@ -106,7 +113,8 @@ WEAK = 1e-3
 WIDE = 1.0
 """Half width of the interval along a direction in ln p above which it is not determined either."""
 ROUNDING = 1e-8
-"""Singular value, of the largest, of what is rounding of derivatives: the numbers along it have no variance at all."""
+"""Singular value, of the largest, of what is rounding of derivatives: the numbers along it have no
+variance at all."""
 MOST = 200
 """Evaluations of one start at most."""
 AT_BOUND = 1e-6
@@ -114,7 +122,8 @@ AT_BOUND = 1e-6
 SAME = 1e-3
 """Difference in q, relative to the range, up to which two minima are one."""
 TOGETHER = 0.1
-"""Change of all predictions between two minima, in standard deviations of the noise, up to which they are one."""
+"""Change of all predictions between two minima, in standard deviations of the noise, up to which
+they are one."""
 PROBABLE = 0.05
 """Chance of a larger Σr² from which on a fit is as good as its noise lets expect."""
 
@@ -133,7 +142,9 @@ class Box:
 
     def outer(self, q: Array) -> Array:
         """p of q, inside the bounds to the bit."""
-        return np.clip(np.where(self.log, np.exp(np.where(self.log, q, 0.0)), q), self.low, self.high)
+        return np.clip(
+            np.where(self.log, np.exp(np.where(self.log, q, 0.0)), q), self.low, self.high
+        )
 
     def rate(self, p: Array) -> Array:
         """dp/dq."""
@@ -147,13 +158,16 @@ class Box:
     def starts(self, first: Array, count: int, seed: int) -> list[Array]:
         """The first start and count − 1 others, a Latin hypercube in q."""
         low, high = self.inner(self.low), self.inner(self.high)
-        draws = stats.qmc.LatinHypercube(len(first), rng=np.random.default_rng(seed)).random(max(0, count - 1))
+        draws = stats.qmc.LatinHypercube(len(first), rng=np.random.default_rng(seed)).random(
+            max(0, count - 1)
+        )
         return [first, *(self.outer(low + u * (high - low)) for u in draws)]
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """A local minimum: p (k,), residuals (n,), ∂r/∂p (n, k), ½Σρ whenever it was lower, evaluations.
+    """A local minimum: p (k,), residuals (n,), ∂r/∂p (n, k), ½Σρ whenever it was lower,
+    evaluations.
 
     prior:   (d, k) by q, of what is minimised beside the data;  weight: of that, where the data choose it
     numbers: how many numbers the data then decide, None where nothing is minimised beside them
@@ -175,7 +189,11 @@ class Minimum:
 
 
 def minimise(
-    model: Model, start: Array, box: Box, loss: Literal["linear", "soft_l1"] = "linear", prior: int = 0
+    model: Model,
+    start: Array,
+    box: Box,
+    loss: Literal["linear", "soft_l1"] = "linear",
+    prior: int = 0,
 ) -> Minimum:
     """The minimum that a start leads to. What the model raises passes through.
 
@@ -200,7 +218,9 @@ def minimise(
         method="trf",
         x_scale="jac",
         loss="linear" if loss == "linear" else lambda z: _rho(z, loss, prior),
-        ftol=1e-5,  # a few hundredths of a standard error; distances to a polygon have small steps in their slope
+        # a few hundredths of a standard error; distances to a polygon have small steps in their
+        # slope
+        ftol=1e-5,
         xtol=1e-6,
         gtol=1e-10,
         max_nfev=MOST,
@@ -210,7 +230,8 @@ def minimise(
 
 
 def _rho(z: Array, loss: str, prior: int) -> Array:
-    """(3, n) ρ(z) of squared residuals z and its first two derivatives; ρ = z for the last `prior` of them."""
+    """(3, n) ρ(z) of squared residuals z and its first two derivatives; ρ = z for the last `prior`
+    of them."""
     root = np.sqrt(1.0 + z)
     soft = np.stack([2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3])
     plain = np.full(len(z), loss == "linear") | (np.arange(len(z)) >= len(z) - prior)
@@ -236,19 +257,28 @@ def different(minima: Sequence[Minimum], box: Box, known_noise: bool) -> list[li
 
 
 def _same(one: Minimum, two: Minimum, box: Box, known_noise: bool) -> bool:
-    """Whether two minima lie together, or predict the same in a valley along which the data say nothing."""
+    """Whether two minima lie together, or predict the same in a valley along which the data say
+    nothing."""
     J, (n, k) = one.jacobian * box.rate(one.p) * box.span, one.jacobian.shape
-    apart, sigma = (box.inner(two.p) - box.inner(one.p)) / box.span, np.linalg.svd(J, compute_uv=False)
+    apart, sigma = (
+        (box.inner(two.p) - box.inner(one.p)) / box.span,
+        np.linalg.svd(J, compute_uv=False),
+    )
     if np.max(np.abs(apart)) <= SAME:
         return True
     noise = 1.0 if known_noise else float(np.linalg.norm(one.residual)) / np.sqrt(max(n - k, 1))
     tolerance = max(TOGETHER * noise, ROUNDING * sigma[0])
     alike = float(np.linalg.norm(two.residual - one.residual)) <= tolerance
-    return alike and bool(float(np.linalg.norm(J @ apart)) <= tolerance or sigma[-1] <= WEAK * sigma[0])
+    return alike and bool(
+        float(np.linalg.norm(J @ apart)) <= tolerance or sigma[-1] <= WEAK * sigma[0]
+    )
 
 
-def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], known_noise: bool) -> dict[str, Any]:
-    """Covariance, intervals, what is not determined, and whether the model has the shape of the data.
+def uncertainty(
+    minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], known_noise: bool
+) -> dict[str, Any]:
+    """Covariance, intervals, what is not determined, and whether the model has the shape of the
+    data.
 
     groups: residuals of one curve each, in the order of the data, for the runs of their signs
     known_noise: whether residuals are in units of a noise that is known
@@ -284,7 +314,10 @@ def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], 
     reach = student * error
     vague = (sigma < WEAK * sigma[0]) | (student * np.sqrt(scale) > WIDE * sigma)
     with np.errstate(over="ignore"):
-        ends = np.where(box.log, p * np.exp(-reach), p - reach), np.where(box.log, p * np.exp(reach), p + reach)
+        ends = (
+            np.where(box.log, p * np.exp(-reach), p - reach),
+            np.where(box.log, p * np.exp(reach), p + reach),
+        )
     runs, runs_p = _runs([r[group] for group in groups])
     likelihood = square if known_noise else n * float(np.log(max(square, 1e-300) / n))
     count += not known_noise
@@ -299,7 +332,9 @@ def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], 
         "weak": int(np.count_nonzero(vague)) if minimum.numbers is None else 0,
         "chi_square": square,
         "degrees_of_freedom": np.int32(freedom),
-        "fit_probability": float(stats.chi2.sf(square, max(freedom, 1))) if known_noise else float("nan"),
+        "fit_probability": float(stats.chi2.sf(square, max(freedom, 1)))
+        if known_noise
+        else float("nan"),
         "runs": np.int32(runs),
         "runs_probability": runs_p,
         "information_criterion": likelihood + penalty,
@@ -307,13 +342,15 @@ def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], 
 
 
 def settled(said: Mapping[str, Any]) -> bool:
-    """Whether Σr² is probable for a known noise and every number determined: no other start can say more."""
+    """Whether Σr² is probable for a known noise and every number determined: no other start can say
+    more."""
     probable = said["fit_probability"] >= PROBABLE
     return bool(probable and said["weak"] == 0 and np.all(np.isfinite(said["standard_error"])))
 
 
 def _inverse(J: Array) -> Array:
-    """(JᵀJ)⁻¹ of J (n, k); NaN for numbers that have a part in a direction along which J is 0 but for rounding."""
+    """(JᵀJ)⁻¹ of J (n, k); NaN for numbers that have a part in a direction along which J is 0 but
+    for rounding."""
     size = np.linalg.norm(J, axis=0)
     _, sigma, rows = np.linalg.svd(J / np.where(size > 0.0, size, 1.0), full_matrices=False)
     null = sigma <= ROUNDING * sigma[0]
@@ -332,11 +369,16 @@ def _runs(curves: Sequence[Array]) -> tuple[int, float]:
         count += 1 + int(np.count_nonzero(np.diff(r > 0.0)))
         mean += 1.0 + 2.0 * above * below / n
         variance += 2.0 * above * below * (2.0 * above * below - n) / (n**2 * max(n - 1, 1))
-    return count, float(stats.norm.cdf((count + 0.5 - mean) / np.sqrt(variance))) if variance > 0.0 else float("nan")
+    return count, float(
+        stats.norm.cdf((count + 0.5 - mean) / np.sqrt(variance))
+    ) if variance > 0.0 else float("nan")
 
 
 def product(direction: Array, names: Sequence[str]) -> str:
-    """A direction in ln p as the product of powers that grows along it: tau_s·delta, E·alpha^-0.5."""
+    """A direction in ln p as the product of powers that grows along it: tau_s·delta,
+    E·alpha^-0.5."""
     powers = direction / direction[np.argmax(np.abs(direction))]
-    factors = [(name, round(float(x), 2)) for name, x in zip(names, powers, strict=True) if abs(x) >= 0.05]
+    factors = [
+        (name, round(float(x), 2)) for name, x in zip(names, powers, strict=True) if abs(x) >= 0.05
+    ]
     return "·".join(name if x == 1.0 else f"{name}^{x:g}" for name, x in factors)

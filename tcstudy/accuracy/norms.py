@@ -1,18 +1,22 @@
-"""Norms of P1 functions on a triangle mesh and on the contact line, and their distance from given functions.
+"""Norms of P1 functions on a triangle mesh and on the contact line, and their distance from given
+functions.
 
     ‖v‖² = ∫v²,   |v|₁² = ∫|∇v|²,   ‖v‖_a² = a(v, v) = ∫λ(div v)² + 2μ ε(v):ε(v)
 
-Differences of P1 functions on one mesh are integrated exactly; against a function given by value and gradient with the
-seven-point rule of degree five. H¹ stands for the seminorm: it has one physical dimension, the full norm has not.
+Differences of P1 functions on one mesh are integrated exactly; against a function given by value
+and gradient with the seven-point rule of degree five. H¹ stands for the seminorm: it has one
+physical dimension, the full norm has not.
 
-On Γ_C u_T is piecewise linear on segments, and ξ constant on the S_i around its nodes: an array (s, 2) of values on
-half segments. Where one end of a segment carries no unknown, both halves belong to the other (method §2).
+On Γ_C u_T is piecewise linear on segments, and ξ constant on the S_i around its nodes: an array (s,
+2) of values on half segments. Where one end of a segment carries no unknown, both halves belong to
+the other (method §2).
 
-P1 functions are carried to the nodes of other meshes of a body by `interpolation`; points outside the mesh (beside an
-arc that it cuts short) get the linear function of the triangle nearest to them. `prolongation` is that to a uniform
-refinement: it keeps the coarse nodes with their numbers, and every edge of the fine mesh from a new node to an old one
-is half of a coarse edge, so that the topology alone names the two parents of a new node. On a curved boundary the new
-node moves to the arc, and the coarse function is carried along.
+P1 functions are carried to the nodes of other meshes of a body by `interpolation`; points outside
+the mesh (beside an arc that it cuts short) get the linear function of the triangle nearest to them.
+`prolongation` is that to a uniform refinement: it keeps the coarse nodes with their numbers, and
+every edge of the fine mesh from a new node to an old one is half of a coarse edge, so that the
+topology alone names the two parents of a new node. On a curved boundary the new node moves to the
+arc, and the coarse function is carried along.
 """
 
 from __future__ import annotations
@@ -33,15 +37,19 @@ Indices = NDArray[np.intp]
 Modulus = float | Array
 """λ or μ: of the whole body, or (t,) of every triangle."""
 Sample = tuple[Array, Array]
-"""Values (t, q) and gradients (2, t, q) of a function at q points of every triangle; (2, t, 1) if they are constant."""
+"""Values (t, q) and gradients (2, t, q) of a function at q points of every triangle; (2, t, 1) if
+they are constant."""
 Function = Callable[[Array, Array], tuple[Array, Array]]
 """x, y (…) → value (…) and gradient (2, …)."""
 
 _A, _B = (6 - np.sqrt(15)) / 21, (6 + np.sqrt(15)) / 21
-_RADON = np.array([[1 / 3] * 3] + [np.roll([1 - 2 * t, t, t], i).tolist() for t in (_A, _B) for i in range(3)])
+_RADON = np.array(
+    [[1 / 3] * 3] + [np.roll([1 - 2 * t, t, t], i).tolist() for t in (_A, _B) for i in range(3)]
+)
 _WEIGHTS = np.array([9 / 40] + [(155 - np.sqrt(15)) / 1200] * 3 + [(155 + np.sqrt(15)) / 1200] * 3)
 _RULES = {3: (INNER, np.full(3, 1 / 3)), 7: (_RADON, _WEIGHTS)}
-"""Barycentric points (q, 3) and weights (q,) of q points: exact for squares of linear functions, or degree five."""
+"""Barycentric points (q, 3) and weights (q,) of q points: exact for squares of linear functions, or
+degree five."""
 
 
 def _at(mesh: TriangleGeometry, q: int) -> Array:
@@ -55,7 +63,8 @@ def nodal(mesh: TriangleGeometry, v: Array, q: int = 3) -> Sample:
 
 
 def affine(mesh: TriangleGeometry, value: Array, gradient: Array) -> Sample:
-    """A function that is linear on every triangle, from its values at the centres (t,) and gradients (t, 2)."""
+    """A function that is linear on every triangle, from its values at the centres (t,) and
+    gradients (t, 2)."""
     apart = _at(mesh, 3) - mesh.centres.T[:, :, None]
     return value[:, None] + np.einsum("td,dtq->tq", gradient, apart), gradient.T[:, :, None]
 
@@ -65,13 +74,22 @@ def given(mesh: TriangleGeometry, function: Function) -> Sample:
     return function(*_at(mesh, 7))
 
 
-def norms(mesh: TriangleGeometry, parts: Sequence[Sample], lam: Modulus, mu: Modulus) -> dict[str, float]:
-    """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2 and theta_H1."""
+def norms(
+    mesh: TriangleGeometry, parts: Sequence[Sample], lam: Modulus, mu: Modulus
+) -> dict[str, float]:
+    """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2
+    and theta_H1."""
     weight = mesh.area[:, None] * _RULES[parts[0][0].shape[1]][1]
     (u, du), (v, dv), *theta = parts
     lam, mu = (np.reshape(modulus, (-1, 1)) for modulus in (lam, mu))
-    energy = lam * (du[0] + dv[1]) ** 2 + 2 * mu * (du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2)
-    squares = {"u_energy": energy, "u_H1": (du**2).sum(axis=0) + (dv**2).sum(axis=0), "u_L2": u**2 + v**2}
+    energy = lam * (du[0] + dv[1]) ** 2 + 2 * mu * (
+        du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2
+    )
+    squares = {
+        "u_energy": energy,
+        "u_H1": (du**2).sum(axis=0) + (dv**2).sum(axis=0),
+        "u_L2": u**2 + v**2,
+    }
     for value, slope in theta:
         squares |= {"theta_L2": value**2, "theta_H1": (slope**2).sum(axis=0)}
     return {name: float(np.sqrt((weight * square).sum())) for name, square in squares.items()}
@@ -104,7 +122,9 @@ def steps(halves: Array) -> list[Array]:
     return [halves[:, :1], halves[:, 1:]]
 
 
-def line_norms(ends: Array, normals: Array, v: list[Array], f: LineFunction | None = None) -> tuple[float, float]:
+def line_norms(
+    ends: Array, normals: Array, v: list[Array], f: LineFunction | None = None
+) -> tuple[float, float]:
     """‖v − f‖ and ‖f‖ in L² of segments with these ends (s, 2, 2); f = 0 without one.
 
     normals: (s, 2, 2) outward unit normals of the exact curve at the ends
@@ -118,12 +138,16 @@ def line_norms(ends: Array, normals: Array, v: list[Array], f: LineFunction | No
         at, n = a + t * along, normals[:, :1] * (1 - t) + normals[:, 1:] * t
         n /= np.linalg.norm(n, axis=2, keepdims=True)
         exact = np.zeros(len(_AT)) if f is None else f(at[..., 0], at[..., 1], n)
-        error, size = error + float((weight * (part - exact) ** 2).sum()), size + float((weight * exact**2).sum())
+        error, size = (
+            error + float((weight * (part - exact) ** 2).sum()),
+            size + float((weight * exact**2).sum()),
+        )
     return float(np.sqrt(error)), float(np.sqrt(size))
 
 
 def prolongation(coarse: int, fine_points: Array, fine_triangles: Indices) -> sp.csr_array:
-    """(n_fine, n_coarse) from nodal values of a mesh of so many nodes to those on its uniform refinement."""
+    """(n_fine, n_coarse) from nodal values of a mesh of so many nodes to those on its uniform
+    refinement."""
     import scipy.sparse as sp  # here, since who reads a study alone does not wait for it
 
     n, n_fine = coarse, len(fine_points)
@@ -133,7 +157,9 @@ def prolongation(coarse: int, fine_points: Array, fine_triangles: Indices) -> sp
     parents = pairs[np.argsort(pairs[:, 1], kind="stable"), 0]  # two of every new node
     rows = np.concatenate([np.arange(n), np.repeat(np.arange(n, n_fine), 2)])
     entries = np.concatenate([np.ones(n), np.full(len(parents), 0.5)])
-    return sp.csr_array((entries, (rows, np.concatenate([np.arange(n), parents]))), shape=(n_fine, n))
+    return sp.csr_array(
+        (entries, (rows, np.concatenate([np.arange(n), parents]))), shape=(n_fine, n)
+    )
 
 
 INSIDE = -1e-10
@@ -151,7 +177,8 @@ def interpolation(mesh: TriangleGeometry, at: Array) -> sp.csr_array:
 
 
 def located(mesh: TriangleGeometry, at: Array) -> tuple[Indices, Array]:
-    """The triangle (q,) that each point lies in, or that is nearest to it, and its barycentric coordinates (q, 3)."""
+    """The triangle (q,) that each point lies in, or that is nearest to it, and its barycentric
+    coordinates (q, 3)."""
     from scipy.spatial import cKDTree  # here, because a run imports this module and seldom needs it
 
     found = cKDTree(mesh.centres).query(at)[1]
@@ -160,6 +187,8 @@ def located(mesh: TriangleGeometry, at: Array) -> tuple[Indices, Array]:
     if len(lost):
         import shapely
 
-        found[lost] = shapely.STRtree(shapely.polygons(mesh.corners)).nearest(shapely.points(at[lost]))
+        found[lost] = shapely.STRtree(shapely.polygons(mesh.corners)).nearest(
+            shapely.points(at[lost])
+        )
         weights[lost] = mesh.barycentric(at[lost], found[lost])
     return found, weights

@@ -1,15 +1,17 @@
-"""Rates of convergence with their uncertainty, Richardson's extrapolation of numbers, what is worth its cost (the
-points that no other beats in cost and error together), and the order to expect of each error from how smooth the
-solution is.
+"""Rates of convergence with their uncertainty, Richardson's extrapolation of numbers, what is worth
+its cost (the points that no other beats in cost and error together), and the order to expect of
+each error from how smooth the solution is.
 
 Rate between levels:  r_i = log(e_{i−1}/e_i) / log(h_{i−1}/h_i)
 Slope:                least squares of log e over log h, with its standard error, on the asymptotic levels: the longest
-                      run up to the finest over which rates differ by at most SETTLED; on all, and marked as not
+                      run up to the finest over which rates differ by at most SETTLED; on all, and
+                      marked as not
                       settled, if no two rates agree
 Extrapolation:        q(h) = q* + C h^p through the three finest levels
 
-Expected, with u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of Γ_C (uniform
-meshes, P1; on meshes graded like h r^(1−μ) towards a point its exponents, with what is added to them, over μ):
+Expected, with u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of
+Γ_C (uniform meshes, P1; on meshes graded like h r^(1−μ) towards a point its exponents, with what is
+added to them, over μ):
 
     |u − u_h|₁ and energy:          min(1, α)                                approximation
     ‖u − u_h‖:                      2 min(1, α)                              duality
@@ -17,18 +19,21 @@ meshes, P1; on meshes graded like h r^(1−μ) towards a point its exponents, wi
     ξ on Γ_C, L² as steps:          min(1, 2α, δ + ½)
     ξ on Γ_C, L² and max at nodes:  min(2, 2α, δ + ½), min(2, 2α, δ)
 
-With θ ~ r^γ' in the worst corner of a temperature that is solved for, ‖θ − θ_h‖ falls like 2 min(1, γ'), |θ − θ_h|₁
-like min(1, γ'). Where it loads the body, no error of u and ξ falls faster than ‖θ − θ_h‖, and u ~ r^{1+γ'} there.
+With θ ~ r^γ' in the worst corner of a temperature that is solved for, ‖θ − θ_h‖ falls like 2 min(1,
+γ'), |θ − θ_h|₁ like min(1, γ'). Where it loads the body, no error of u and ξ falls faster than ‖θ −
+θ_h‖, and u ~ r^{1+γ'} there.
 
-The orders on Γ_C are those of the best approximation, with the pollution 2α from the corner. In the maximum norm P1 is
-of order h² |log h| and no better (R. Haverkamp, SIAM J. Numer. Anal. 21 (1984) 489–496). Points of Γ_C:
+The orders on Γ_C are those of the best approximation, with the pollution 2α from the corner. In the
+maximum norm P1 is of order h² |log h| and no better (R. Haverkamp, SIAM J. Numer. Anal. 21 (1984)
+489–496). Points of Γ_C:
 
     sticking corner:  γ = α of the corner, δ = γ − 1
     slipping corner:  γ = 1 at most (u ~ r log r: the friction stress meets an edge with another shear stress), and
                       δ = γ, because ξ = b(u_T)
     stick meets slip: γ = 3/2, δ = 1/2; the r^{1/2} term of the mixed problem would break the bound of the law
     held end:         a node of Γ_C without an unknown gives its half cell to its neighbour (method §2), whose c is then
-                      3/2 h for a load ∫φ = h: γ = δ = 1 where that neighbour slips, and where it sticks ξ is off by a
+                      3/2 h for a load ∫φ = h: γ = δ = 1 where that neighbour slips, and where it
+                      sticks ξ is off by a
                       third of itself, δ = 0. This is of the discretisation, whatever the solution
 """
 
@@ -49,12 +54,14 @@ Array = NDArray[np.float64]
 SETTLED = 0.2
 """Rates that differ by no more than this belong to one asymptotic range."""
 ROUNDING = 1e-11
-"""Relative error below which a solution is called exact: what is left is rounding and has no rate."""
+"""Relative error below which a solution is called exact: what is left is rounding and has no
+rate."""
 CONDITION = 64.0
-"""Condition of a stiffness matrix over (size of the body/h)²: rounding grows like it. On patch tests, whose errors are
-nothing else, errors come to 0.01 to 12 of it."""
+"""Condition of a stiffness matrix over (size of the body/h)²: rounding grows like it. On patch
+tests, whose errors are nothing else, errors come to 0.01 to 12 of it."""
 STEADY = 1e-12
-"""Relative change of a number below which it does not depend on the level: what is left is rounding."""
+"""Relative change of a number below which it does not depend on the level: what is left is
+rounding."""
 NAN = float("nan")
 
 
@@ -79,12 +86,16 @@ class Fit:
 
 
 def rounding_level(h: Array, tolerance: float = 0.0) -> Array:
-    """(levels,) relative error that may be rounding, h being over the size of the body; `tolerance` at least."""
+    """(levels,) relative error that may be rounding, h being over the size of the body; `tolerance`
+    at least."""
     return np.asarray(np.maximum(max(ROUNDING, tolerance), CONDITION * np.finfo(float).eps / h**2))
 
 
-def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | float = ROUNDING) -> Fit:
-    """Rates and slope of relative errors (levels,) on meshes of size h, from the usable levels alone.
+def fit(
+    h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | float = ROUNDING
+) -> Fit:
+    """Rates and slope of relative errors (levels,) on meshes of size h, from the usable levels
+    alone.
 
     rounding: error (levels,) at which rates end, for example the tolerance of the solver
     """
@@ -98,7 +109,9 @@ def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | flo
     levels = np.flatnonzero(good)
     for before, level in itertools.pairwise(levels):
         rates[level] = np.log(error[before] / error[level]) / np.log(h[before] / h[level])
-    start = max(0, len(levels) - 2)  # the finest levels whose rates lie within SETTLED of each other, two at least
+    start = max(
+        0, len(levels) - 2
+    )  # the finest levels whose rates lie within SETTLED of each other, two at least
     while start > 0 and np.ptp(rates[levels[start:]]) <= SETTLED:
         start -= 1
     settled = len(levels) - start >= 3
@@ -108,7 +121,8 @@ def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | flo
 
 
 def log_share(h: Array) -> float:
-    """By how much the slope of h² (1 + log(1/h)) stays below 2; h: (levels,) over the size of the body."""
+    """By how much the slope of h² (1 + log(1/h)) stays below 2; h: (levels,) over the size of the
+    body."""
     return -_slope(np.log(h), np.log1p(-np.log(h)))[0] if len(h) > 1 else 0.0
 
 
@@ -123,8 +137,10 @@ def _slope(x: Array, y: Array) -> tuple[float, float]:
 def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> dict[str, float]:
     """Extrapolate q(h) (levels,) to h = 0 from its three finest usable levels.
 
-    limit, uncertainty: q* and how far it may be off: twice what the extrapolation from the three levels before gives
-                        differently, at least a tenth of the extrapolated step; with three levels that step itself
+    limit, uncertainty: q* and how far it may be off: twice what the extrapolation from the three
+    levels before gives
+                        differently, at least a tenth of the extrapolated step; with three levels
+                        that step itself
     limit_order:        p; NaN where the values do not approach a limit monotonically: then the limit is the finest one
                         and the uncertainty its largest distance from the two before
     """
@@ -134,14 +150,19 @@ def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> dict[str, float
         return {"limit": float(q[-1]) if len(q) else NAN, "uncertainty": NAN, "limit_order": NAN}
     order, limit = _extrapolate(h[-3:], q[-3:])
     if not np.isfinite(limit):
-        return {"limit": float(q[-1]), "uncertainty": float(np.max(np.abs(q[-3:] - q[-1]))), "limit_order": NAN}
+        return {
+            "limit": float(q[-1]),
+            "uncertainty": float(np.max(np.abs(q[-3:] - q[-1]))),
+            "limit_order": NAN,
+        }
     step, (_, before) = abs(limit - q[-1]), _extrapolate(h[-4:-1], q[-4:-1])
     uncertainty = max(0.1 * step, 2.0 * abs(limit - before)) if np.isfinite(before) else step
     return {"limit": limit, "uncertainty": float(uncertainty), "limit_order": order}
 
 
 def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
-    """(p, q*) from three levels; NaN of fewer, and unless the steps shrink in one direction, or are rounding."""
+    """(p, q*) from three levels; NaN of fewer, and unless the steps shrink in one direction, or are
+    rounding."""
     if len(q) < 3:
         return NAN, NAN
     first, second = q[1] - q[0], q[2] - q[1]
@@ -158,7 +179,9 @@ def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
     low, high = 0.1, 8.0
     if mismatch(low) * mismatch(high) > 0.0:
         return NAN, NAN
-    from scipy.optimize import brentq  # here, because a run imports this module and needs it for estimates alone
+    from scipy.optimize import (
+        brentq,
+    )  # here, because a run imports this module and needs it for estimates alone
 
     p = float(brentq(mismatch, low, high, xtol=1e-12))
     b, c = (float(x) ** p for x in h[1:] / h[0])
@@ -170,7 +193,8 @@ TIED = 1e-9
 
 
 def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
-    """(n,) points for which another costs and errs no more, but for TIED, and less in one of the two; all with NaN."""
+    """(n,) points for which another costs and errs no more, but for TIED, and less in one of the
+    two; all with NaN."""
     known = np.isfinite(cost) & np.isfinite(error)
     out = np.ones(len(cost), dtype=bool)
     for i in np.flatnonzero(known):
@@ -183,7 +207,8 @@ def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
 class Singularity:
     """The leading exponent at a place, and the place in words. An exponent of SMOOTH sets no limit.
 
-    mu: grading of the meshes there, h(r) ~ h r^(1−μ); in r^μ, of which a graded mesh is uniform, r^α is of exponent α/μ
+    mu: grading of the meshes there, h(r) ~ h r^(1−μ); in r^μ, of which a graded mesh is uniform,
+    r^α is of exponent α/μ
     """
 
     exponent: float
@@ -191,14 +216,17 @@ class Singularity:
     mu: float = 1.0
 
     def order(self, times: float = 1.0, plus: float = 0.0) -> Singularity:
-        """What limits an order at times·α + plus on uniform meshes, as a limit of the order in h itself."""
+        """What limits an order at times·α + plus on uniform meshes, as a limit of the order in h
+        itself."""
         reached = (times * self.exponent + plus) / self.mu if self.exponent < SMOOTH else SMOOTH
-        return Singularity(reached, self.why if self.mu == 1.0 else f"{self.why}, graded with mu = {self.mu:g}")
+        return Singularity(
+            reached, self.why if self.mu == 1.0 else f"{self.why}, graded with mu = {self.mu:g}"
+        )
 
 
 Smoothness = dict[str, list[Singularity]]
-"""What limits u in the body, u_T and ξ on Γ_C, and θ: `body`, `u_T`, `xi`, `theta`; `load`: θ as far as it loads the
-body."""
+"""What limits u in the body, u_T and ξ on Γ_C, and θ: `body`, `u_T`, `xi`, `theta`; `load`: θ as
+far as it loads the body."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +243,9 @@ NO_LIMIT = Singularity(SMOOTH, "smooth")
 NOT_ANALYSED = "corners not analysed"
 
 
-def smooth_up_to(exponent: float | None, slip: bool = False, stick: bool = False, front: bool = False) -> Smoothness:
+def smooth_up_to(
+    exponent: float | None, slip: bool = False, stick: bool = False, front: bool = False
+) -> Smoothness:
     """Smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1); None if it is smooth.
 
     slip, stick: Γ_C has nodes without an unknown whose neighbours slip, or stick, under a notable ξ
@@ -258,9 +288,13 @@ def smoothness(
         found["body"].append(worst)
         if "sticking contact" in v.words:
             found["u_T"].append(worst)
-            found["xi"].append(worst if worst.exponent == SMOOTH else replace(worst, exponent=worst.exponent - 1.0))
+            found["xi"].append(
+                worst if worst.exponent == SMOOTH else replace(worst, exponent=worst.exponent - 1.0)
+            )
         elif v.steps:
-            why = worst.why if worst.exponent < 1 else f"{where}: shear stress may jump, u ~ r log r"
+            why = (
+                worst.why if worst.exponent < 1 else f"{where}: shear stress may jump, u ~ r log r"
+            )
             found["u_T"].append(Singularity(min(1.0, worst.exponent), why, mu))
             found["xi"].append(found["u_T"][-1])
     if stick_slip:
@@ -276,8 +310,11 @@ def _worst(candidates: Sequence[Singularity]) -> Singularity:
 
 
 def expected_orders(of: Smoothness, analysed: bool = True) -> dict[str, Expected]:
-    """Expected order by error name. analysed: all places were looked at; else the orders may be too high"""
-    body, u_T, xi, theta, load = (_worst(of.get(name, ())) for name in ("body", "u_T", "xi", "theta", "load"))
+    """Expected order by error name. analysed: all places were looked at; else the orders may be too
+    high"""
+    body, u_T, xi, theta, load = (
+        _worst(of.get(name, ())) for name in ("body", "u_T", "xi", "theta", "load")
+    )
     twice, warm = body.order(2.0), load.order(2.0)
     polluted = replace(twice, why=f"pollution 2α, {twice.why}")
     orders = {
@@ -307,5 +344,9 @@ def _least(full: float, *limits: Singularity) -> Expected:
     worst = min(limits, key=lambda s: s.exponent)
     if worst.exponent < full - 1e-9:
         return Expected(worst.exponent, worst.why)
-    after = f" ({worst.why})" if "graded" in worst.why else ""  # a singular place that does not limit the order
-    return Expected(full, "smooth" if worst.exponent >= SMOOTH else f"smooth enough for the full order{after}")
+    after = (
+        f" ({worst.why})" if "graded" in worst.why else ""
+    )  # a singular place that does not limit the order
+    return Expected(
+        full, "smooth" if worst.exponent >= SMOOTH else f"smooth enough for the full order{after}"
+    )

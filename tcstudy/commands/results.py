@@ -1,4 +1,5 @@
-"""tcstudy draw, show, report, export: what result files say, in any form; the scene of a study before any work."""
+"""tcstudy draw, show, report, export: what result files say, in any form; the scene of a study
+before any work."""
 
 from __future__ import annotations
 
@@ -46,17 +47,37 @@ ASKED = (
     option("--y", metavar="NUMBER", help=_Y),
     option("--by", metavar="NAME", help="a curve for each value of this swept parameter"),
     option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
-    option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max; of a point: sigma_x, von_mises …"),
-    option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
-    option("--deform", type=float, metavar="FACTOR", help="how large displacements of a point are drawn"),
-    option("--along", metavar="X,Y:X,Y", help="profile of a point along a line, e.g. '0 mm,5 mm: 200 mm,5 mm'"),
+    option(
+        "--of",
+        metavar="NUMBER",
+        help="what the map is of, e.g. u_T_max; of a point: sigma_x, von_mises …",
+    ),
+    option(
+        "--law", action="store_true", help="the friction law of a point with all its nodes on it"
+    ),
+    option(
+        "--deform",
+        type=float,
+        metavar="FACTOR",
+        help="how large displacements of a point are drawn",
+    ),
+    option(
+        "--along",
+        metavar="X,Y:X,Y",
+        help="profile of a point along a line, e.g. '0 mm,5 mm: 200 mm,5 mm'",
+    ),
     option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x10cm"),
 )
 
 
 @command(
     "draw a study before any work, or a result file: a point, curves, a map, a law, a path, errors, costs",
-    option("file", type=named, metavar="FILE", help="a study (its scene as it is understood) or a result file"),
+    option(
+        "file",
+        type=named,
+        metavar="FILE",
+        help="a study (its scene as it is understood) or a result file",
+    ),
     option("picture", type=file_name, nargs="?", metavar="PICTURE", help=_PICTURE),
     STUDY[1],
     at("which point (may be repeated)"),
@@ -64,7 +85,10 @@ ASKED = (
 )
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind, or the scene of a study."""
-    target, asked = options.picture, {flags[0][2:]: getattr(options, flags[0][2:]) for flags, _ in ASKED}
+    target, asked = (
+        options.picture,
+        {flags[0][2:]: getattr(options, flags[0][2:]) for flags, _ in ASKED},
+    )
     if options.file.suffix.lower() in SUFFIXES:
         target = target or Path("results") / f"{options.file.stem}.scene.png"
     elif options.overrides or target is None:
@@ -75,7 +99,9 @@ def draw(options: argparse.Namespace) -> int:
         if len(asked["map"]) != 2 or not all(asked["map"]):
             fail("--map: name two swept parameters, for example --map alpha,theta_bar")
     try:
-        print(picture(options.file, target, options.overrides, at=point_of(options) or None, **asked))
+        print(
+            picture(options.file, target, options.overrides, at=point_of(options) or None, **asked)
+        )
     except UsageError as fault:
         fail(f"--{fault}")
     except StudyError:
@@ -85,9 +111,12 @@ def draw(options: argparse.Namespace) -> int:
     return OK
 
 
-def picture(what: Study | Path, target: Path | None, overrides: Sequence[str] = (), **asked: Any) -> Any:
-    """Draw a result file, or a study before any work, into a file and return one line on what was drawn; without a file
-    return the figure, which a notebook shows (`_repr_png_`). Raises as `tcstudy.draw` does.
+def picture(
+    what: Study | Path, target: Path | None, overrides: Sequence[str] = (), **asked: Any
+) -> Any:
+    """Draw a result file, or a study before any work, into a file and return one line on what was
+    drawn; without a file return the figure, which a notebook shows (`_repr_png_`). Raises as
+    `tcstudy.draw` does.
     """
     from tcstudy.reports.figures import style
     from tcstudy.reports.figures.draw import drawn
@@ -95,7 +124,13 @@ def picture(what: Study | Path, target: Path | None, overrides: Sequence[str] = 
     if target is not None:
         style.check_target(target)
     stored = what if isinstance(what, Path) and what.suffix.lower() not in SUFFIXES else None
-    with drawn(stored, **asked) if stored else _scene(what, overrides, **asked) as (figure, words, look):
+    with (
+        drawn(stored, **asked) if stored else _scene(what, overrides, **asked) as (
+            figure,
+            words,
+            look,
+        )
+    ):
         if target is None:
             return figure if look.into is not None else style.shown(figure, look.dpi)
         style.save(figure, target, look.dpi)
@@ -106,8 +141,9 @@ def picture(what: Study | Path, target: Path | None, overrides: Sequence[str] = 
 def _scene(
     study: Study | Path, overrides: Sequence[str], size: Size | None = None, **asked: Any
 ) -> Iterator[tuple[Figure, str, Look]]:
-    """The figure of a study's scene, what it shows, and its looks. Raises StudyError, GeometryFailed: for a file with
-    faults when the figure of its outline was used, on which edges at fault are marked.
+    """The figure of a study's scene, what it shows, and its looks. Raises StudyError,
+    GeometryFailed: for a file with faults when the figure of its outline was used, on which edges
+    at fault are marked.
     """
     from tcstudy.read.study import body_as_given, read_study
     from tcstudy.reports.figures import style
@@ -119,13 +155,25 @@ def _scene(
     try:
         read = read_study(study, overrides, swept=None) if isinstance(study, Path) else study
     except StudyError as error:
-        if not isinstance(study, Path) or (body := body_as_given(study, overrides)) is None or body.outline is None:
+        if (
+            not isinstance(study, Path)
+            or (body := body_as_given(study, overrides)) is None
+            or body.outline is None
+        ):
             raise
         with style.styled(look):
-            yield faulty_figure(f"{study.stem}: cannot be run", body, *_told(body, error), look), "", look
+            yield (
+                faulty_figure(f"{study.stem}: cannot be run", body, *_told(body, error), look),
+                "",
+                look,
+            )
         raise
     with style.styled(look):
-        yield scene_figure(read, _shape(read), look), f"the scene of {study if study is not read else read.title}", look
+        yield (
+            scene_figure(read, _shape(read), look),
+            f"the scene of {study if study is not read else read.title}",
+            look,
+        )
 
 
 def _told(body: Body, error: StudyError) -> tuple[dict[str, str], list[str]]:
@@ -134,7 +182,11 @@ def _told(body: Body, error: StudyError) -> tuple[dict[str, str], list[str]]:
     for problem in error.problems:
         edge = re.match(r"boundary\.(\w+)", problem.key)
         number = re.match(r"body\.outline\[(\d+)\]", problem.key)
-        meant = re.match(r"did you mean '(\w+)'", problem.remedy) if problem.key.count(".") == 1 else None
+        meant = (
+            re.match(r"did you mean '(\w+)'", problem.remedy)
+            if problem.key.count(".") == 1
+            else None
+        )
         name = meant[1] if edge and meant else edge[1] if edge else ""
         if number and body.outline and int(number[1]) < len(edges := body.outline.edges):
             name = edges[-1 - int(number[1]) if body.outline.turned else int(number[1])].name
@@ -146,7 +198,8 @@ def _told(body: Body, error: StudyError) -> tuple[dict[str, str], list[str]]:
 
 
 def _shape(study: Study) -> SceneShape:
-    """The coarsest mesh of a study, of several geometries that of the first: its sizes, and its λ₁."""
+    """The coarsest mesh of a study, of several geometries that of the first: its sizes, and its
+    λ₁."""
     from tcstudy.condense import NotPositiveDefinite
     from tcstudy.errors import DrawError
     from tcstudy.fem.meshes import Meshes
@@ -247,10 +300,14 @@ def _form(flag: str, help: str) -> Option:
 def export(options: argparse.Namespace) -> int:
     """Write a result file in another form."""
     if options.form is None:
-        fail("choose one form: --vtu for the fields of every point, --csv or --json for the table of points")
+        fail(
+            "choose one form: --vtu for the fields of every point, --csv or --json for the table of points"
+        )
     if options.level is not None and options.form != "vtu":
         fail("--level: a table has all levels; leave it out")
-    target, lines = exported(options.file, options.form, options.output, point_of(options), options.level)
+    target, lines = exported(
+        options.file, options.form, options.output, point_of(options), options.level
+    )
     print("\n".join((f"{target}: {lines[0]}", *lines[1:])))
     return OK
 
@@ -268,7 +325,9 @@ def exported(
         from tcstudy.reports.export import write_table
 
         if target.suffix != f".{form}":
-            fail(f"{target}: a table of this form has a name that ends in .{form}; what else is there stays")
+            fail(
+                f"{target}: a table of this form has a name that ends in .{form}; what else is there stays"
+            )
         return target, [counted(write_table(file, target, point), "row")]
     from tcstudy.data.files import check_writable
     from tcstudy.reports.export import write_fields

@@ -1,4 +1,5 @@
-"""tcstudy init, run, converge, cost: what makes files, and makes them only if they are not there."""
+"""tcstudy init, run, converge, cost: what makes files, and makes them only if they are not
+there."""
 
 from __future__ import annotations
 
@@ -11,7 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, command, fail, file_name, option
+from tcstudy.commands.shared import (
+    MANNER,
+    OK,
+    SOME_FAILED,
+    STUDY,
+    Option,
+    command,
+    fail,
+    file_name,
+    option,
+)
 
 if TYPE_CHECKING:
     from tcstudy.data.files import Kind
@@ -37,12 +48,16 @@ def _output(what: str) -> Option:
 
 
 def _plot(what: str) -> Option:
-    return option("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
+    return option(
+        "--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file"
+    )
 
 
 @command(
     "write a commented starter study",
-    option("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW),
+    option(
+        "file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW
+    ),
 )
 def init(options: argparse.Namespace) -> int:
     """Write the starter study and say what comes next."""
@@ -52,7 +67,8 @@ def init(options: argparse.Namespace) -> int:
 
 
 def starter(study: Path) -> Path:
-    """Write the starter study and, beside it, the schema that its first line names to editors. Raises UsageError."""
+    """Write the starter study and, beside it, the schema that its first line names to editors.
+    Raises UsageError."""
     from tcstudy.read.schema import TITLE, schema_text
 
     schema = study.parent / SCHEMA
@@ -72,7 +88,9 @@ def starter(study: Path) -> Path:
 @command(
     "do what a study asks: solve its sweep, or follow its path or history, or find its fit; writes a netCDF file",
     *STUDY,
-    _output("result file (default: results/<study>.nc; of a path results/<study>-path.nc, and so on)"),
+    _output(
+        "result file (default: results/<study>.nc; of a path results/<study>-path.nc, and so on)"
+    ),
     _plot("also draw it"),
     *MANNER,
     FORCE,
@@ -86,7 +104,9 @@ def run(options: argparse.Namespace) -> int:
     study = _read(options)
     if options.dry_run:
         return _dry_run(options, study)
-    return _made(options, study.kind, study, append=options.append, jobs=options.jobs, dask=options.dask)
+    return _made(
+        options, study.kind, study, append=options.append, jobs=options.jobs, dask=options.dask
+    )
 
 
 @command(
@@ -119,7 +139,8 @@ def cost(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace, swept: bool | None = None) -> Study:
-    """The study, kept in the options, where cli finds the place of a later fault; a picture of it can be drawn."""
+    """The study, kept in the options, where cli finds the place of a later fault; a picture of it
+    can be drawn."""
     from tcstudy.read.study import read_study
 
     study: Study = read_study(options.study, options.overrides, swept=swept)
@@ -132,18 +153,26 @@ def _read(options: argparse.Namespace, swept: bool | None = None) -> Study:
 
 
 def _made(
-    options: argparse.Namespace, kind: Kind, study: Study, drawn: Mapping[str, Any] | None = None, **how: Any
+    options: argparse.Namespace,
+    kind: Kind,
+    study: Study,
+    drawn: Mapping[str, Any] | None = None,
+    **how: Any,
 ) -> int:
     """Make the file, draw what --plot asks for, and say what the file says and where it is."""
     options.kept = KEPT.get(kind, options.kept)
     quiet = options.manner == "quiet"
-    output, whole, there = do(kind, study, options.output, options.words, None if quiet else "", options.force, **how)
+    output, whole, there = do(
+        kind, study, options.output, options.words, None if quiet else "", options.force, **how
+    )
     if there and not quiet:
         print(f"{output} {there}", file=sys.stderr, flush=True)
     asked, failed = failures(output)
     below = [f"data in {output}"]
     if kind == "run":
-        below = [f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"]
+        below = [
+            f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"
+        ]
     if options.plot is not None:
         from tcstudy.commands.results import picture
 
@@ -166,10 +195,17 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
     expected = resources(study, forecast, workers)
     time = expected_words(expected, at_most=study.mesh.open_ended)
     if options.manner == "json":
-        about = {"kind": "plan", "title": study.title, "output": str(output), "most_levels": study.mesh.levels}
+        about = {
+            "kind": "plan",
+            "title": study.title,
+            "output": str(output),
+            "most_levels": study.mesh.levels,
+        }
         print(json_text({**about, **asdict(forecast), **asdict(expected)}))
     elif options.manner == "quiet":
-        print(f"{options.study}: {forecast.asked or f'{forecast.points} × {study.mesh.levels} solutions'}: {time}")
+        print(
+            f"{options.study}: {forecast.asked or f'{forecast.points} × {study.mesh.levels} solutions'}: {time}"
+        )
     else:
         more = [f"note: {text}" for text in already_there(output, study)]
         with shared.spoken(options):
@@ -177,12 +213,18 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
     return OK
 
 
-# -- what the commands and the public functions do ---------------------------------------------------------------------
+# -- what the commands and the public functions do
+# ---------------------------------------------------------------------
 
 
 def usable(kind: Kind, study: Study, output: Path | None) -> Path:
-    """The file that is asked for or usual for these results, where they can be. Raises UsageError with all faults."""
-    from tcstudy.study.lint import check_kind, faults, output_of  # needs the mesher, a fault in the text does not
+    """The file that is asked for or usual for these results, where they can be. Raises UsageError
+    with all faults."""
+    from tcstudy.study.lint import (
+        check_kind,
+        faults,
+        output_of,
+    )  # needs the mesher, a fault in the text does not
 
     check_kind(study, kind, str(study.source or "the study"))
     output = output or output_of(study, kind)
@@ -204,14 +246,15 @@ def do(
     dask: str | None = None,
     at: Mapping[str, Any] | None = None,
 ) -> tuple[Path, bool, str]:
-    """Make the file of a study's results; returns its name, whether it had all of them, and what it had, in words.
+    """Make the file of a study's results; returns its name, whether it had all of them, and what it
+    had, in words.
 
     kind:  of the results;  words: the command, for the file's history
     first: what is said before the work, whose progress is then shown; None for silence
     append, jobs, dask: as of `tcstudy.run`;  at: of convergence and cost, a point by its labels
 
-    Raises StoreError where the file holds something else, which only `force` replaces; UsageError for options that do
-    not go together, or not with what the study asks for; else as the work does.
+    Raises StoreError where the file holds something else, which only `force` replaces; UsageError
+    for options that do not go together, or not with what the study asks for; else as the work does.
     """
     from tcstudy.study.workers import WorkerPool
 
@@ -219,7 +262,9 @@ def do(
         fail("--force computes all points again, --append keeps them; give one of these")
     if append and kind != "run":
         remedy = f"leave it out, or run it with --set {kind}=null"
-        fail(f"--append adds points of a sweep, and {study.source or 'the study'} has a section {kind}; {remedy}")
+        fail(
+            f"--append adds points of a sweep, and {study.source or 'the study'} has a section {kind}; {remedy}"
+        )
     if dask is not None and kind in ("path", "fit"):
         fail(f"--dask: a {kind} has no work for others; leave it out")
     pool = WorkerPool(jobs, dask)
@@ -227,7 +272,10 @@ def do(
     with closing(pool.ready(study) if at_once else pool):
         output = usable(kind, study, output)
         point, index = place_of(study, at) if at or kind == "cost" else ("", ())
-        there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]
+        there, swept = (
+            "holds these results already; --force computes them again",
+            [axis.name for axis in study.axes],
+        )
         study = outside_the_sweep(study) if kind == "path" else study
         if kind == "run":
             from tcstudy.study.run import execute, what_is_left
@@ -256,10 +304,18 @@ def do(
                 case "history":
                     from tcstudy.study.history_run import execute_history
 
-                    done = execute_history(study, output, progress.history, words, force, jobs, dask)
-                    if study.history is not None and done.resumed == done.points * (study.history.steps + 1):
+                    done = execute_history(
+                        study, output, progress.history, words, force, jobs, dask
+                    )
+                    if study.history is not None and done.resumed == done.points * (
+                        study.history.steps + 1
+                    ):
                         return output, True, there
-                    return output, False, f"held {done.resumed} steps; the others were added" if done.resumed else ""
+                    return (
+                        output,
+                        False,
+                        f"held {done.resumed} steps; the others were added" if done.resumed else "",
+                    )
                 case "fit":
                     from tcstudy.study.fit import fit
                     from tcstudy.study.run import to_file
@@ -277,8 +333,11 @@ def do(
     return output, False, ""
 
 
-def what_decides(kind: Kind, study: Study, at: Mapping[str, Any] | None = None) -> dict[str, object]:
-    """What decides the results of a study beside it, as global attributes of their file. Raises DrawError."""
+def what_decides(
+    kind: Kind, study: Study, at: Mapping[str, Any] | None = None
+) -> dict[str, object]:
+    """What decides the results of a study beside it, as global attributes of their file. Raises
+    DrawError."""
     if kind == "cost":
         from tcstudy.study.cost import RUNS
 
@@ -287,8 +346,8 @@ def what_decides(kind: Kind, study: Study, at: Mapping[str, Any] | None = None) 
 
 
 def failures(output: Path) -> tuple[int, int]:
-    """How many solutions a file was to have, and how many are not as they were asked for: points that failed, histories
-    that ended early, sentences on a path."""
+    """How many solutions a file was to have, and how many are not as they were asked for: points
+    that failed, histories that ended early, sentences on a path."""
     import netCDF4
     import numpy as np
 

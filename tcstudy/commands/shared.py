@@ -24,7 +24,8 @@ Option = tuple[tuple[str, ...], dict[str, Any]]
 class Command(NamedTuple):
     """One command: its line in the list of commands, what it takes, what it does.
 
-    run: gets the options and returns the exit code; they have `words`, the whole command line, `read`, the study once
+    run: gets the options and returns the exit code; they have `words`, the whole command line,
+    `read`, the study once
          it is known, and `kept`, what becomes of the work of a command that is stopped
     """
 
@@ -33,7 +34,9 @@ class Command(NamedTuple):
     run: Callable[[argparse.Namespace], int]
 
 
-def command(help: str, *options: Option) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+def command(
+    help: str, *options: Option
+) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
     """Make a command of the function below it."""
     return lambda run: Command(help, options, run)
 
@@ -75,8 +78,13 @@ def _manner(*flags: str, help: str) -> Option:
 
 MANNER = (
     _manner("-q", "--quiet", help="print one line: what came of it"),
-    _manner("-v", "--verbose", help="print all columns and rows, whatever the width of the terminal"),
-    _manner("--json", help="print one JSON object instead of tables: the same numbers, not rounded, in SI units"),
+    _manner(
+        "-v", "--verbose", help="print all columns and rows, whatever the width of the terminal"
+    ),
+    _manner(
+        "--json",
+        help="print one JSON object instead of tables: the same numbers, not rounded, in SI units",
+    ),
 )
 """How a command prints what it has to say: one of these."""
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
@@ -104,7 +112,8 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
 
 @contextmanager
 def spoken(options: argparse.Namespace) -> Iterator[None]:
-    """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and --verbose have all."""
+    """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and
+    --verbose have all."""
     from tcstudy.reports.text import fitting
 
     width = shutil.get_terminal_size((0, 0)).columns
@@ -112,12 +121,16 @@ def spoken(options: argparse.Namespace) -> Iterator[None]:
         yield
 
 
-def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: str | None = None) -> None:
-    """Print what a result file says in the manner asked for: its tables, one line, or one JSON object.
+def say(
+    options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: str | None = None
+) -> None:
+    """Print what a result file says in the manner asked for: its tables, one line, or one JSON
+    object.
 
     below: lines after the tables;  of: the number whose indices are shown, of a run of a design for them
 
-    Raises StoreError where the file was changed after it was written and does not hold what it should.
+    Raises StoreError where the file was changed after it was written and does not hold what it
+    should.
     """
     from tcstudy.data.files import attributes, reading, remarks_of, tell
     from tcstudy.reports.terminal.summary import text_of, verdict_of
@@ -135,5 +148,9 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
             print(json_text(brief(path) | ({"indices": indices_json(path, of)} if of else {})))
         else:
             point = point_of(options) if hasattr(options, "at") else None
-            print("\n".join([text_of(path, options.manner == "verbose", point, of).rstrip("\n"), *below]))
+            print(
+                "\n".join(
+                    [text_of(path, options.manner == "verbose", point, of).rstrip("\n"), *below]
+                )
+            )
             print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")

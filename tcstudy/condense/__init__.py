@@ -1,4 +1,5 @@
-"""Static condensation (method eq. (20)) by a multifrontal Cholesky factorisation; NumPy and SciPy only.
+"""Static condensation (method eq. (20)) by a multifrontal Cholesky factorisation; NumPy and SciPy
+only.
 
 Not here: where the matrix comes from (fem), loads of a scene (offline).
 """

@@ -1,4 +1,5 @@
-"""Contact problems on plain arrays, one or many on one body at once: solvers, certificates, paths of solutions.
+"""Contact problems on plain arrays, one or many on one body at once: solvers, certificates, paths
+of solutions.
 
 problem             the problem, one or rows of them on one body, the test of its solutions; what a method returns
 extended, solution  that test in two doubles; the exact solution on the pieces that a point is on, and its derivatives

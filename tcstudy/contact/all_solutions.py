@@ -1,9 +1,14 @@
-"""Every solution of a contact problem with piecewise-linear laws, stable or not, proved to be all or said why not.
+"""Every solution of a contact problem with piecewise-linear laws, stable or not, proved to be all
+or said why not.
 
-Statement: of the given doubles Ã, l̃, c and the polygons through the laws' values at their kinks the search finds all
-           cells (one side of its polygon for every node) that may hold a solution. In a cell the problem is linear:
-           one solution if its matrix is proved regular and the solution inside, none if that is proved outside, else
-           undecided (a solution on a kink within rounding, as exact symmetry makes them, or a singular cell)
+Statement: of the given doubles Ã, l̃, c and the polygons through the laws' values at their kinks
+the search finds all
+           cells (one side of its polygon for every node) that may hold a solution. In a cell the
+           problem is linear:
+           one solution if its matrix is proved regular and the solution inside, none if that is
+           proved outside, else
+           undecided (a solution on a kink within rounding, as exact symmetry makes them, or a
+           singular cell)
 Count:     with growth (15), (16) and Ã positive definite the degree is 1, so that the number of regular solutions is
            odd: a check of every list
 Stable:    a strict local minimum of L̃: no node inside a jump down, and Ã + C diag b′ positive definite on the nodes
@@ -17,14 +22,18 @@ The search makes boxes that hold all solutions smaller by proof and splits them 
 Problems:  Ãv + Cζ = l̃_p + s l̃₁ with (v_i, ζ_i) on the filled graph of b̂_i, a polygon; s ∈ [−1, 1], or l̃₁ = 0
 Place:     t = k + f is the point at the share f of side k of a polygon; a box is an interval of places for every node
 Row step:  y_i = Ã_ii v + c_i ζ along the polygon of node i lies in l̃_i − Σ_{j≠i} Ã_ij [v_j]. Where no Ã_ij, i ≠ j, is
-           positive, bounds from below follow from those from below alone, so that the steps rise to the least solution
+           positive, bounds from below follow from those from below alone, so that the steps rise to
+           the least solution
            and fall to the largest one: no box is smaller (a lattice system, Tarski 1955)
-Strip step: the part of a polygon in the box lies about its chord, (v, ζ) ∈ p + Dτ + W [middle ± radius], so that
-           (ÃD_v + CD_ζ) τ = l̃ + s l̃₁ − … − Kδ, |δ| ≤ radius: one inverse bounds v and ζ. Falling sides are part of
+Strip step: the part of a polygon in the box lies about its chord, (v, ζ) ∈ p + Dτ + W [middle ±
+radius], so that
+           (ÃD_v + CD_ζ) τ = l̃ + s l̃₁ − … − Kδ, |δ| ≤ radius: one inverse bounds v and ζ. Falling
+           sides are part of
            the matrix; only bends count
 Cell:      what is left when every node is on one side of its polygon: one segment of solutions, a point for one load
 Rounding:  every bound is widened by what rounding may do to it, places by `SLACK`; an inverse Y of M is used only where
-           ‖I − YM‖_∞ is proved small, and what it leaves out is added (S. M. Rump, Acta Numerica 19 (2010) 287–449)
+           ‖I − YM‖_∞ is proved small, and what it leaves out is added (S. M. Rump, Acta Numerica 19
+           (2010) 287–449)
 """
 
 from __future__ import annotations
@@ -53,7 +62,8 @@ EPS = float(np.finfo(float).eps)
 PROVED = 0.01
 """Largest ‖I − YM‖_∞ with which an inverse is used."""
 SLACK = 32.0
-"""Roundings of the largest place by which places are widened; a part of a box half as wide is no part of it."""
+"""Roundings of the largest place by which places are widened; a part of a box half as wide is no
+part of it."""
 ROUNDS = 40
 """Of row steps and a strip step, before a box is split whatever they bring."""
 _TURNS, _STEPS, _LEAST = 8, 20, 1e-3
@@ -103,17 +113,26 @@ class Equilibria:
         return len(self.v)
 
 
-def all_solutions(problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR) -> Equilibria:
+def all_solutions(
+    problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR
+) -> Equilibria:
     """Every solution of one problem; of laws with exponential pieces every one of their polygon."""
     return of_rows(problem.rows, limits, law_error, problem.lambda_1)[0]
 
 
 def of_rows(
-    rows: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR, lambda_1: float | None = None
+    rows: ContactProblem,
+    limits: Limits | None = None,
+    law_error: float = LAW_ERROR,
+    lambda_1: float | None = None,
 ) -> list[Equilibria]:
     """The same of every row of problems on one body, whose λ₁ may be known [Pa/m]."""
     A_tilde, c, loads, laws, index = rows.A_tilde, rows.c, rows.l_tilde, rows.law, rows.law.index
-    limits, lambda_1, errors = limits or Limits(), lambda_1 or rows.body.lambda_1, np.zeros(len(loads))
+    limits, lambda_1, errors = (
+        limits or Limits(),
+        lambda_1 or rows.body.lambda_1,
+        np.zeros(len(loads)),
+    )
     if not laws.piecewise_linear:
         errors[:] = np.where(np.any(laws.bent, axis=-1)[index].any(-1), law_error, 0.0)
         far = float(np.max(reach_of(c, laws, loads, lambda_1), initial=0.0))
@@ -129,7 +148,11 @@ def of_rows(
         solved = ContactProblem.on(body, loads[row], laws.at(index[row]))
         v = at.u[sure, 0]
         energy, stable = solved.energy(v), strict_minimum(solved, v)
-        limit = f"{limits.boxes:g} boxes" if cells.boxes[i] > limits.boxes else f"{limits.seconds:g} seconds"
+        limit = (
+            f"{limits.boxes:g} boxes"
+            if cells.boxes[i] > limits.boxes
+            else f"{limits.seconds:g} seconds"
+        )
         reason = unproved(f"{limit} was met" if cells.stopped[i] else "", len(undecided), len(row))
         k = np.argsort(energy, kind="stable")
         v, told = v[k], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
@@ -149,7 +172,11 @@ def unproved(limit: str, undecided: int, count: int) -> str:
             f"{undecided} combination{'s' if undecided > 1 else ''} of pieces of the law cannot be decided within "
             "rounding (a solution on a kink, as exact symmetry makes them, or a singular piece)"
         )
-    return "" if count % 2 else f"the number of solutions, {count}, is even, which no regular problem has"
+    return (
+        ""
+        if count % 2
+        else f"the number of solutions, {count}, is even, which no regular problem has"
+    )
 
 
 class Boxes(NamedTuple):
@@ -178,7 +205,8 @@ def joined(parts: list[Boxes]) -> Boxes:
 
 
 class Strips(NamedTuple):
-    """Parts of the polygons in n boxes: start p and chord D (n, m, 2), and how they leave the chord.
+    """Parts of the polygons in n boxes: start p and chord D (n, m, 2), and how they leave the
+    chord.
 
     W:      1 where that is measured, in slip or else in traction (n, m, 2);  middle, radius: how far (n, m)
     weight: of the bends in the balance of the node, 0 without any;  vertex: the place of the largest
@@ -230,7 +258,8 @@ class Segments(NamedTuple):
 
 
 def inverse_of(M: Array, size: Callable[[Array], Array], scale: Array) -> tuple[Array, Array]:
-    """(Y, share): Y ≈ (M/scale)⁻¹ (n, m, m); how much larger than Y r a solution may be, ∞ without a proof (n,).
+    """(Y, share): Y ≈ (M/scale)⁻¹ (n, m, m); how much larger than Y r a solution may be, ∞ without
+    a proof (n,).
 
     scale: (n, m) of the columns;  size(w): (n, m) magnitudes that the products M w are made of
     share: ρ/(1 − ρ) with ρ a bound of ‖I − YM/scale‖_∞, rounding of M included
@@ -258,7 +287,13 @@ class PolygonProblems:
     """
 
     def __init__(
-        self, A: Array, c: Array, laws: Laws, load: Array, lambda_1: float, change: Array | None = None
+        self,
+        A: Array,
+        c: Array,
+        laws: Laws,
+        load: Array,
+        lambda_1: float,
+        change: Array | None = None,
     ) -> None:
         self.A, self.c, self.m, self.load = A, c, len(c), load
         self.change = np.zeros(len(c)) if change is None else change
@@ -284,8 +319,14 @@ class PolygonProblems:
         self._vertex = np.arange(count)
 
     def rounding(self, v: Array, z: Array, load: Array) -> Array:
-        """What rounding may do to the balance of slips, tractions and loads of these sizes (…, m) [N/m]."""
-        return np.asarray(4.0 * (self.m + 8) * EPS * (v @ self.size_of_A + self.c * z + load + np.abs(self.change)))
+        """What rounding may do to the balance of slips, tractions and loads of these sizes (…, m)
+        [N/m]."""
+        return np.asarray(
+            4.0
+            * (self.m + 8)
+            * EPS
+            * (v @ self.size_of_A + self.c * z + load + np.abs(self.change))
+        )
 
     def of(self, table: NDArray[Any], problem: Index) -> NDArray[Any]:
         """The rows of a table (G, …) of problems (n,); one row if all have the same."""
@@ -293,13 +334,19 @@ class PolygonProblems:
 
     def at(self, problem: Index, place: Array) -> Array:
         """The points (n, m, 2) at places (n, m)."""
-        points, k = self.of(self.points, problem), np.minimum(place.astype(np.intp), self.points.shape[2] - 2)
-        start, end = (np.take_along_axis(points, k[..., None, None] + i, axis=-2)[..., 0, :] for i in (0, 1))
+        points, k = (
+            self.of(self.points, problem),
+            np.minimum(place.astype(np.intp), self.points.shape[2] - 2),
+        )
+        start, end = (
+            np.take_along_axis(points, k[..., None, None] + i, axis=-2)[..., 0, :] for i in (0, 1)
+        )
         f = (place - k)[..., None]
         return np.where(f <= 0.0, start, np.where(f >= 1.0, end, start + f * (end - start)))
 
     def row_steps(self, box: Boxes) -> Boxes:
-        """Row steps until they pay no more, and one over all sides: the bounds move only along the side they are on."""
+        """Row steps until they pay no more, and one over all sides: the bounds move only along the
+        side they are on."""
         margin = self.noise + np.abs(self.change)
         low, high = self.load[box.problem] - margin, self.load[box.problem] + margin
         a, b, busy = box.low.copy(), box.high.copy(), np.arange(len(low))
@@ -317,7 +364,10 @@ class PolygonProblems:
         ok = np.flatnonzero((a <= b).all(-1))
         own = Boxes(box.problem, a, b).take(ok)
         v, w = self.at(own.problem, own.low)[..., 0], self.at(own.problem, own.high)[..., 0]
-        low, high = low[ok] - v @ self.minus - w @ self.plus, high[ok] - w @ self.minus - v @ self.plus
+        low, high = (
+            low[ok] - v @ self.minus - w @ self.plus,
+            high[ok] - w @ self.minus - v @ self.plus,
+        )
         own = self._clipped(own, [(self.of(self.Y, own.problem), low, high)])
         a[ok], b[ok] = own.low, own.high
         return Boxes(box.problem, a, b)
@@ -325,7 +375,8 @@ class PolygonProblems:
     def _row_step(
         self, base: Index, end: Index, low_0: Array, high_0: Array, a: Array, b: Array
     ) -> tuple[Array, Array]:
-        """The places a, b moved along their sides, by one side at most, to where y meets [low, high]."""
+        """The places a, b moved along their sides, by one side at most, to where y meets [low,
+        high]."""
         k, n = np.minimum(a.astype(np.intp), end), np.maximum(np.ceil(b).astype(np.intp) - 1, 0)
         f, g = a - k, b - n
         v, dv, y, dy = (x.take(base + k) for x in self._sides)
@@ -335,14 +386,18 @@ class PolygonProblems:
         if self.positive:
             low, high = low - w @ self.plus, high - v @ self.plus
         with np.errstate(divide="ignore", invalid="ignore"):
-            f, g = np.where(dy > 0.0, (low - y) / dy, np.inf), np.where(dz > 0.0, (high - z) / dz, -np.inf)
+            f, g = (
+                np.where(dy > 0.0, (low - y) / dy, np.inf),
+                np.where(dz > 0.0, (high - z) / dz, -np.inf),
+            )
         # on a side that does not rise all of the rest is below where its start is
         a_1 = np.where(y_a < low, np.where(f < 1.0, k + f - self.slack, k + 1.0), a)
         b_1 = np.where(z_b > high, np.where(g > 0.0, n + g + self.slack, n), b)
         return np.maximum(a_1, a), np.minimum(b_1, b)
 
     def _clipped(self, box: Boxes, conditions: list[tuple[Array, Array, Array]]) -> Boxes:
-        """Hull of the parts of the polygons in the box on which functions of them lie between bounds.
+        """Hull of the parts of the polygons in the box on which functions of them lie between
+        bounds.
 
         conditions: (values at the vertices (…, m, V), low, high (n, m)) of each function
         """
@@ -371,16 +426,22 @@ class PolygonProblems:
         p = self.at(box.problem, box.low)
         D = self.at(box.problem, box.high) - p
         apart = 0.5 * self.slack
-        inside = (self._vertex > box.low[..., None] + apart) & (self._vertex < box.high[..., None] - apart)
+        inside = (self._vertex > box.low[..., None] + apart) & (
+            self._vertex < box.high[..., None] - apart
+        )
         x, z = points[..., 0] - p[..., None, 0], points[..., 1] - p[..., None, 1]
         with np.errstate(divide="ignore", invalid="ignore"):
             off_z = np.where(inside, z - (D[..., 1] / D[..., 0])[..., None] * x, 0.0)
             off_v = np.where(inside, x - (D[..., 0] / D[..., 1])[..., None] * z, 0.0)
         off_z, off_v = (np.where(np.isfinite(off), off, np.inf) for off in (off_z, off_v))
-        (z_0, z_1), (v_0, v_1) = ((np.minimum(x.min(-1), 0.0), np.maximum(x.max(-1), 0.0)) for x in (off_z, off_v))
+        (z_0, z_1), (v_0, v_1) = (
+            (np.minimum(x.min(-1), 0.0), np.maximum(x.max(-1), 0.0)) for x in (off_z, off_v)
+        )
         slip = (v_1 - v_0) * self.diagonal < (z_1 - z_0) * self.c
         low, high = np.where(slip, v_0, z_0), np.where(slip, v_1, z_1)
-        weight = np.maximum(np.where(slip, self.diagonal, self.c) * (high - low), np.finfo(float).tiny)
+        weight = np.maximum(
+            np.where(slip, self.diagonal, self.c) * (high - low), np.finfo(float).tiny
+        )
         weight = np.where(inside.any(-1), weight, 0.0)
         away = np.where(inside, np.abs(np.where(slip[..., None], off_v, off_z)), -1.0)
         middle, radius = 0.5 * (low + high), 0.5 * (high - low) * (1.0 + 8.0 * EPS)
@@ -388,7 +449,8 @@ class PolygonProblems:
         return Strips(p, D, W, middle, radius, weight, np.argmax(away, axis=-1))
 
     def matrix(self, D: Array) -> tuple[Array, Callable[[Array], Array], Array]:
-        """(ÃD_v + CD_ζ, magnitudes of its products, scale of its columns) for chords D (n, m, 2)."""
+        """(ÃD_v + CD_ζ, magnitudes of its products, scale of its columns) for chords D (n, m,
+        2)."""
         i, d_v, d_z = np.arange(self.m), np.abs(D[..., 0]), np.abs(D[..., 1])
         M = self.A * D[:, None, :, 0]
         M[:, i, i] += self.c * D[..., 1]
@@ -399,20 +461,33 @@ class PolygonProblems:
     def strip_step(self, box: Boxes, strip: Strips) -> Boxes:
         """Boxes made smaller by v_i, ζ_i ∈ centre_i ± reach_i, where one inverse proves that.
 
-        The shares of the chords are τ ± error − Σ YK δ, |δ| ≤ r, of bends of nodes j and of s in the last column.
+        The shares of the chords are τ ± error − Σ YK δ, |δ| ≤ r, of bends of nodes j and of s in
+        the last column.
         """
         M, size, scale = self.matrix(strip.D)
         Y, share = inverse_of(M, size, scale)
         load, q = self.load[box.problem], strip.p + strip.W * strip.middle[..., None]
         tau = (Y @ (load - q[..., 0] @ self.A - self.c * q[..., 1])[..., None])[..., 0]
         bends = int(np.count_nonzero(strip.radius > 0.0, axis=-1).max(initial=0))
-        j = np.argpartition(-strip.radius, min(bends, self.m - 1), axis=-1)[:, :bends]  # those that bend, padded
-        r, by_z = np.take_along_axis(strip.radius, j, -1), np.take_along_axis(strip.W[..., 1], j, -1)
+        j = np.argpartition(-strip.radius, min(bends, self.m - 1), axis=-1)[
+            :, :bends
+        ]  # those that bend, padded
+        r, by_z = (
+            np.take_along_axis(strip.radius, j, -1),
+            np.take_along_axis(strip.W[..., 1], j, -1),
+        )
         YK = np.take_along_axis(Y, j[:, None, :], -1) * (self.c[j] * by_z)[:, None, :]
         if np.any(by_z < 1.0):
             YK += (Y @ self.A[:, j].transpose(1, 0, 2)) * (1.0 - by_z)[:, None, :]
-        YK, r = np.append(YK, (Y @ self.change)[..., None], axis=-1), np.append(r, np.ones((len(r), 1)), axis=-1)
-        largest = np.abs(strip.p) + np.abs(strip.D) + strip.W * (np.abs(strip.middle) + strip.radius)[..., None]
+        YK, r = (
+            np.append(YK, (Y @ self.change)[..., None], axis=-1),
+            np.append(r, np.ones((len(r), 1)), axis=-1),
+        )
+        largest = (
+            np.abs(strip.p)
+            + np.abs(strip.D)
+            + strip.W * (np.abs(strip.middle) + strip.radius)[..., None]
+        )
         noise = self.rounding(largest[..., 0], largest[..., 1], np.abs(load))
         error = (np.abs(Y) @ noise[..., None])[..., 0]
         with np.errstate(invalid="ignore", over="ignore"):
@@ -429,7 +504,10 @@ class PolygonProblems:
                 reach = (np.abs(X) @ r[..., None])[..., 0] * (1.0 + 8.0 * (bends + 1) * EPS)
                 reach += np.abs(d) * error + 4.0 * EPS * (np.abs(centre) + np.abs(q[..., axis]))
             known = good[:, None] & np.isfinite(centre) & np.isfinite(reach)
-            low, high = np.where(known, centre - reach, -np.inf), np.where(known, centre + reach, np.inf)
+            low, high = (
+                np.where(known, centre - reach, -np.inf),
+                np.where(known, centre + reach, np.inf),
+            )
             conditions.append((points[..., axis], low, high))
         return self._clipped(box, conditions)
 
@@ -452,23 +530,41 @@ class PolygonProblems:
         return joined([*done, box])
 
     def search(self, limits: Limits) -> Cells:
-        """All cells that may hold a solution, problem by problem within limits; depth first, so that few boxes wait."""
+        """All cells that may hold a solution, problem by problem within limits; depth first, so
+        that few boxes wait."""
         count, batch = len(self.load), max(1, min(512, _MEMORY // self.m**2))
-        boxes, spent, stopped = np.zeros(count, dtype=np.intp), np.zeros(count), np.zeros(count, dtype=bool)
-        last = np.broadcast_to(self.last if len(self.last) == 1 else self.last[self.kind], (count, self.m))
-        waiting, found = Boxes(np.arange(count), np.zeros(last.shape), last.astype(float)), list[Index]()
+        boxes, spent, stopped = (
+            np.zeros(count, dtype=np.intp),
+            np.zeros(count),
+            np.zeros(count, dtype=bool),
+        )
+        last = np.broadcast_to(
+            self.last if len(self.last) == 1 else self.last[self.kind], (count, self.m)
+        )
+        waiting, found = (
+            Boxes(np.arange(count), np.zeros(last.shape), last.astype(float)),
+            list[Index](),
+        )
         while len(waiting.low):
             began, rest = time.perf_counter(), max(0, len(waiting.low) - batch)
             waiting, box = waiting.take(slice(rest)), waiting.take(slice(rest, None))
             np.add.at(boxes, box.problem, 1)
-            stopped[box.problem] |= (boxes[box.problem] > limits.boxes) | (spent[box.problem] > limits.seconds)
+            stopped[box.problem] |= (boxes[box.problem] > limits.boxes) | (
+                spent[box.problem] > limits.seconds
+            )
             box = box.take(~stopped[box.problem])
             own, box = box.problem, self.reduced(box)
             strip = self.strips(box)
             cell, bent = box.take(strip.straight), ~strip.straight
-            sides = np.minimum(np.floor(cell.low + 0.5 * self.slack).astype(np.intp), last[cell.problem] - 1)
+            sides = np.minimum(
+                np.floor(cell.low + 0.5 * self.slack).astype(np.intp), last[cell.problem] - 1
+            )
             found.append(np.column_stack([cell.problem, sides]))
-            box, vertex, i = box.take(bent), strip.vertex[bent], np.argmax(strip.weight[bent], axis=-1)
+            box, vertex, i = (
+                box.take(bent),
+                strip.vertex[bent],
+                np.argmax(strip.weight[bent], axis=-1),
+            )
             n, below, above = np.arange(len(i)), box.high.copy(), box.low.copy()
             below[n, i] = above[n, i] = vertex[n, i]
             waiting = joined([waiting, box._replace(high=below), box._replace(low=above)])
@@ -477,19 +573,23 @@ class PolygonProblems:
         return Cells(cells[:, 0], cells[:, 1:], boxes, stopped)
 
     def segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
-        """The exact segment of every cell, of which the nodes are on these sides (n, m), for loads (n or 1, m) from
-        s = 0 to 1.
+        """The exact segment of every cell, of which the nodes are on these sides (n, m), for loads
+        (n or 1, m) from s = 0 to 1.
 
-        Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one line x = α + γ σ, σ
-        along the direction of the line, about, which the last row of B = [N; γᵀ] adds; it is cut by the ends 0 and 1.
-        Where the load stands still it is the solution of the cell, from s = 0 to 1. Proof: with Y the inverse of B,
-        ‖I − YB‖ < 0.01 bounds the error of every coordinate; `one` and `none` hold whatever rounding does within that.
-        Sources: Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots); Rump, Acta
-        Numer. 19 (2010) 287–449, §10 (verified linear systems).
+        Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one
+        line x = α + γ σ, σ along the direction of the line, about, which the last row of B = [N;
+        γᵀ] adds; it is cut by the ends 0 and 1. Where the load stands still it is the solution of
+        the cell, from s = 0 to 1. Proof: with Y the inverse of B, ‖I − YB‖ < 0.01 bounds the error
+        of every coordinate; `one` and `none` hold whatever rounding does within that. Sources:
+        Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots);
+        Rump, Acta Numer. 19 (2010) 287–449, §10 (verified linear systems).
         """
         step = max(1, _MEMORY // (8 * self.m**2))
         cuts = (slice(first, first + step) for first in range(0, max(len(sides), 1), step))
-        parts = [self._segments(problem[i], sides[i], load[i] if len(load) > 1 else load, per_s) for i in cuts]
+        parts = [
+            self._segments(problem[i], sides[i], load[i] if len(load) > 1 else load, per_s)
+            for i in cuts
+        ]
         return Segments(*map(np.concatenate, zip(*parts, strict=True)))
 
     def _segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
@@ -507,13 +607,18 @@ class PolygonProblems:
         line = np.linalg.qr((N / scale[:, None]).swapaxes(1, 2), mode="complete")[0][..., m] * scale
 
         def products(w: Array) -> Array:
-            return np.column_stack([(size(w[:, :m]) + l_1 * w[:, m:]) / unit, np.sum(np.abs(line * w), axis=-1)])
+            return np.column_stack(
+                [(size(w[:, :m]) + l_1 * w[:, m:]) / unit, np.sum(np.abs(line * w), axis=-1)]
+            )
 
         Y, share = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
         r = (load - p[..., 0] @ self.A - c * p[..., 1]) / unit
         off = self.rounding(largest[..., 0], largest[..., 1], np.abs(load)) / unit
         alpha, gamma = (Y[..., :m] @ r[..., None])[..., 0], Y[..., m]
-        noise, far = (np.abs(Y[..., :m]) @ off[..., None])[..., 0], np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
+        noise, far = (
+            (np.abs(Y[..., :m]) @ off[..., None])[..., 0],
+            np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True),
+        )
         terms = np.abs(alpha) + noise + far * np.abs(gamma)
         proved = np.isfinite(share)
         noise += np.where(proved, share, 0.0)[:, None] * terms.max(axis=-1, keepdims=True)
@@ -521,7 +626,11 @@ class PolygonProblems:
         alpha, gamma, noise = alpha / scale, gamma / scale, noise / scale
         off_middle, slack = np.abs(alpha - 0.5), 2.0 * noise
         with np.errstate(divide="ignore", invalid="ignore"):
-            to_0, to_1, error = -alpha / gamma, (1.0 - alpha) / gamma, np.where(flat, 0.0, noise / np.abs(gamma))
+            to_0, to_1, error = (
+                -alpha / gamma,
+                (1.0 - alpha) / gamma,
+                np.where(flat, 0.0, noise / np.abs(gamma)),
+            )
         never = np.where(off_middle > 0.5 + slack, np.inf, -np.inf)
         enter = np.where(flat, never, np.where(rising, to_0, to_1))
         leave = np.where(flat, -never, np.where(rising, to_1, to_0))
@@ -530,7 +639,10 @@ class PolygonProblems:
         sure &= (~flat | (off_middle < 0.5 - slack)).all(axis=-1)
         node = np.stack([np.argmax(enter, axis=-1), np.argmin(leave, axis=-1)], axis=1)
         ends = np.stack([enter[rows, node[:, 0]], leave[rows, node[:, 1]]], axis=1)
-        later, sooner = enter + error, leave - error  # which facet comes first has to be sure as well
+        later, sooner = (
+            enter + error,
+            leave - error,
+        )  # which facet comes first has to be sure as well
         later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
         sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
         sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
@@ -543,9 +655,11 @@ class PolygonProblems:
 
 
 def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:
-    """(vertices (G, m, V, 2) of the filled graphs between −reach and reach, number of their sides (G, m)).
+    """(vertices (G, m, V, 2) of the filled graphs between −reach and reach, number of their sides
+    (G, m)).
 
-    index: (G, m) which of the laws a node has. Jumps that are rounding are none; short polygons repeat their end.
+    index: (G, m) which of the laws a node has. Jumps that are rounding are none; short polygons
+    repeat their end.
     """
     inner = []
     for law in laws.laws:
@@ -556,8 +670,13 @@ def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:
     points = np.empty((*index.shape, int(count.max()) + 2, 2))
     for k, (law, vertices) in enumerate(zip(laws.laws, inner, strict=True)):
         at = index == k
-        far = np.maximum(np.broadcast_to(reach, index.shape)[at], 2.0 * np.max(np.abs(law.kinks), initial=0.0))
-        tails = [np.stack([s, law.value(s, piece)], -1) for s, piece in ((-far, 0), (far, len(law.q) - 1))]
+        far = np.maximum(
+            np.broadcast_to(reach, index.shape)[at], 2.0 * np.max(np.abs(law.kinks), initial=0.0)
+        )
+        tails = [
+            np.stack([s, law.value(s, piece)], -1)
+            for s, piece in ((-far, 0), (far, len(law.q) - 1))
+        ]
         rows = np.repeat(tails[1][:, None], points.shape[2], axis=1)
         rows[:, 0], rows[:, 1 : 1 + len(vertices)] = tails[0], vertices
         points[at] = rows

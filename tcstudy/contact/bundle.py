@@ -6,7 +6,8 @@ Pieces:     f_j = f(y_j) + g(y_j)ᵀδ + ½ρ_j δᵀG_jδ,  g_j = g(y_j) + ρ_j
 Locality:   α_j = max{ |f(x) − f_j|, γ‖W‖ s_j² },  s_j the distance of y_j from x
 Subproblem: simplex_qp.py (dual active set on orthogonal factors)
 Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
-            Math. Programming 83 (1998) 373–391 (quadratic model, damping, subgradient locality measures)
+            Math. Programming 83 (1998) 373–391 (quadratic model, damping, subgradient locality
+            measures)
 
 Steps, after evaluating y = x + d with predicted decrease w:
   serious   f(y) ≤ f(x) − m_L w: y becomes the centre
@@ -15,20 +16,26 @@ Steps, after evaluating y = x + d with predicted decrease w:
   short     f is not finite at y: x and the bundle stay, the next step is shorter
   reset     the model is stationary, but by pieces from too far away: they are dropped and looked for again nearby
 
-Left out: the publication's line search over t with m_L, m_R, t_0 (every iteration tries t = 1 within a radius that
-follows the success, one evaluation an iteration), bounds and linear constraints, and its absolute constants: all
-tests here are relative, so that f → af and x → ax give the same iterates to rounding.
+Left out: the publication's line search over t with m_L, m_R, t_0 (every iteration tries t = 1
+within a radius that follows the success, one evaluation an iteration), bounds and linear
+constraints, and its absolute constants: all tests here are relative, so that f → af and x → ax give
+the same iterates to rounding.
 
 Differences from the publication, each because it saves evaluations:
-  * ‖W‖ in the locality measure makes γ a pure number; s_j is the distance, not the length of the path.
+  * ‖W‖ in the locality measure makes γ a pure number; s_j is the distance, not the length of the
+    path.
   * ρ_j is not 0 or 1: it is lowered in proportion to the amount by which the piece lies above f(x).
-  * The published step solves one quadratic programme with W = Σλ_jρ_jG_j of the previous multipliers. Here the
-    programme is repeated about its own solution until the quadratic model itself is minimised: W is then the
-    Hessian of the present Lagrangian and the curvature of the kinks (the second-order correction) is in the step.
+  * The published step solves one quadratic programme with W = Σλ_jρ_jG_j of the previous
+    multipliers. Here the
+    programme is repeated about its own solution until the quadratic model itself is minimised: W is
+    then the
+    Hessian of the present Lagrangian and the curvature of the kinks (the second-order correction)
+    is in the step.
     This costs quadratic programmes but no evaluation.
 
-Where all pieces share the curvature of a smooth part, G_j = B + diag(h_j), products with N pieces cost O(n² + Nn)
-instead of O(Nn²) and the bundle stores N vectors instead of N matrices: the oracle then returns h (n,) in place of G.
+Where all pieces share the curvature of a smooth part, G_j = B + diag(h_j), products with N pieces
+cost O(n² + Nn) instead of O(Nn²) and the bundle stores N vectors instead of N matrices: the oracle
+then returns h (n,) in place of G.
 
 The condensed contact problem is such a function,
 
@@ -61,10 +68,12 @@ FAR = 4.0
 DAMPING = 5.0
 """Decrease of ρ_j per relative overestimate of f(x) by the piece's curvature."""
 INNER, INNER_TOLERANCE = 40, 1e-3
-"""Quadratic programmes per minimisation of the model at most; the relative change at which that counts as minimised."""
+"""Quadratic programmes per minimisation of the model at most; the relative change at which that
+counts as minimised."""
 PIVOT, LEAST_CURVATURE, LOOSER = 1e-8, 1e-2, 0.25
-"""Smallest eigenvalue of W relative to its largest and, where no piece is curved, to (largest slope)/(first length);
-factor of the latter after each full step, as W must not hold back steps along pieces much flatter than the steepest."""
+"""Smallest eigenvalue of W relative to its largest and, where no piece is curved, to (largest
+slope)/(first length); factor of the latter after each full step, as W must not hold back steps
+along pieces much flatter than the steepest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +105,16 @@ class Bundle:
 
     def with_one(self, new: Bundle) -> Bundle:
         """These and others behind them."""
-        y, f, g, G = (np.append(getattr(self, x), getattr(new, x), axis=0) for x in ("y", "f", "g", "G"))
+        y, f, g, G = (
+            np.append(getattr(self, x), getattr(new, x), axis=0) for x in ("y", "f", "g", "G")
+        )
         return Bundle(y, f, g, G, self.base)
 
     def times(self, d: Array) -> Array:
         """(N, n) G_j d_j, of rows d (N, n) or one d (n,) for all."""
-        return np.asarray((self.G @ d[..., None])[..., 0] if self.base is None else d @ self.base + self.G * d)
+        return np.asarray(
+            (self.G @ d[..., None])[..., 0] if self.base is None else d @ self.base + self.G * d
+        )
 
     def combined(self, weights: Array) -> Array:
         """(n, n) Σ w_j G_j as a new matrix."""
@@ -130,7 +143,8 @@ class Model:
 
     @classmethod
     def about(cls, x: Array, f: float, pieces: Bundle, gamma: float, curvature: float) -> Model:
-        """About the centre x with value f: f_j, g_j, the largest ρ_j that keeps a piece at or below f, and −α_j.
+        """About the centre x with value f: f_j, g_j, the largest ρ_j that keeps a piece at or below
+        f, and −α_j.
 
         gamma: weight γ of distances
         """
@@ -186,7 +200,8 @@ def _rowwise(a: Array, b: Array) -> Array:
 
 
 def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) -> Step:
-    """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0.
+    """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from
+    d = 0.
 
     limit: ends as soon as ‖d‖ exceeds this, because such a step will be rejected
     """
@@ -201,7 +216,9 @@ def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) 
     for used in range(1, INNER + 1):
         Gd = model.bend(d)
         metric = positive_definite(model.pieces.combined(lam * model.rho), shift, PIVOT, least)
-        lam, q = direction(model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam)
+        lam, q = direction(
+            model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam
+        )
         if used == 1:
             promise = dual_decrease(model.c, model.A, lam, metric)
         t = 1.0
@@ -221,11 +238,15 @@ def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) 
     return Step(d, lam, -model.value(d), promise, shift, used)
 
 
-def bounded_step(model: Model, lam: Array, radius: float, unit: float, likely_shift: float = 0.0) -> Step:
-    """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection).
+def bounded_step(
+    model: Model, lam: Array, radius: float, unit: float, likely_shift: float = 0.0
+) -> Step:
+    """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by
+    bisection).
 
     likely_shift: μ of the step before, tried second
-    A nonconvex model may jump past the radius as μ falls; then the longest step found below it counts.
+    A nonconvex model may jump past the radius as μ falls; then the longest step found below it
+    counts.
     """
     far = FAR * radius
     step = minimise(model, lam, 0.0, unit, far)
@@ -264,8 +285,8 @@ Kind = Literal["start", "serious", "null", "short", "reset"]
 M_L, M_R = 0.01, 0.5
 """Shares of the predicted decrease for a serious step and for a useful null step."""
 IDENTIFY, EVERY = 1e-4, 10
-"""Decrease predicted within the radius, relative to |f|, below which an exact end is tried; evaluations between two
-trials."""
+"""Decrease predicted within the radius, relative to |f|, below which an exact end is tried;
+evaluations between two trials."""
 
 
 class State(NamedTuple):
@@ -286,9 +307,9 @@ class BundleNewton:
     gamma:          weight γ of the distance in the locality measure
     base:           (n, n) B where the oracle returns the diagonals h of G = B + diag(h)
 
-    A run has its centre x with f there, the bundle `pieces`, of which one lies at x, with multipliers lam (N,), the
-    radius that bounds the next step, the model about x and its minimiser `step`; resets since the last
-    serious step; evaluations and quadratic programmes so far.
+    A run has its centre x with f there, the bundle `pieces`, of which one lies at x, with
+    multipliers lam (N,), the radius that bounds the next step, the model about x and its minimiser
+    `step`; resets since the last serious step; evaluations and quadratic programmes so far.
     """
 
     tolerance: float = 1e-11
@@ -313,7 +334,13 @@ class BundleNewton:
         if not first.finite:
             reason = "f, g or G is not finite at the start; start from another point"
             return Outcome(x0, float(first.f[0]), Status.NOT_FINITE, reason, 0, 1)
-        self.x, self.f, self.f0, self.resets, self.shift = first.y[0], float(first.f[0]), float(first.f[0]), 0, 0.0
+        self.x, self.f, self.f0, self.resets, self.shift = (
+            first.y[0],
+            float(first.f[0]),
+            float(first.f[0]),
+            0,
+            0.0,
+        )
         self.unit = self.x_unit or first_unit(first)
         self.redirect("start", first, np.ones(1), self.unit)
         self.promised = max(self.step.promise, self.step.decrease)
@@ -323,8 +350,17 @@ class BundleNewton:
             ended = self.verdict()
             x, f, left = self.x, self.f, IDENTIFY * self.scale
             due = self.evaluations % EVERY == 0 if ended is None else ended[0] == Status.CONVERGED
-            if exact is not None and due and self.step.decrease <= left and (found := exact(x, left)) is not None:
-                x, f, ended = found, oracle(found)[0], ended or (Status.CONVERGED, "on the exact active pieces")
+            if (
+                exact is not None
+                and due
+                and self.step.decrease <= left
+                and (found := exact(x, left)) is not None
+            ):
+                x, f, ended = (
+                    found,
+                    oracle(found)[0],
+                    ended or (Status.CONVERGED, "on the exact active pieces"),
+                )
             if ended is None and iteration == self.max_iterations:
                 reason = (
                     f"no solution within {iteration} iterations; start from a neighbouring solution, "
@@ -338,7 +374,8 @@ class BundleNewton:
 
     @property
     def scale(self) -> float:
-        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if not both are 0."""
+        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if
+        not both are 0."""
         return float(abs(self.f) + 1e-3 * (self.f0 - self.f)) or self.promised
 
     @property
@@ -359,14 +396,26 @@ class BundleNewton:
         curvature = float(np.max(np.abs(np.linalg.eigvalsh(pieces.combined(lam)))))  # ‖Σλ_jG_j‖₂
         self.model = Model.about(self.x, self.f, pieces, self.gamma, curvature)
         self.step = bounded_step(self.model, lam, radius, max(radius, self.unit), self.shift)
-        self.kind, self.pieces, self.lam, self.radius, self.shift = kind, pieces, self.step.lam, radius, self.step.shift
+        self.kind, self.pieces, self.lam, self.radius, self.shift = (
+            kind,
+            pieces,
+            self.step.lam,
+            radius,
+            self.step.shift,
+        )
         self.programmes += self.step.factorisations
 
     def advance(self) -> None:
         """One serious, null, short or reset step (see the head of this file)."""
         if self.accuracy <= self.tolerance:
             return self.reset()
-        pieces, lam, radius, step, length = self.pieces, self.lam, self.radius, self.step, self.step.length
+        pieces, lam, radius, step, length = (
+            self.pieces,
+            self.lam,
+            self.radius,
+            self.step,
+            self.step.length,
+        )
         new = self.evaluated(self.x + step.d)
         if not new.finite:
             return self.redirect("short", pieces, lam, 0.25 * length)
@@ -398,18 +447,24 @@ class BundleNewton:
 
     def remote(self) -> NDArray[np.bool_]:
         """(N,) active pieces whose origin is too far away to prove stationarity."""
-        return (self.lam > ACTIVE) & (self.model.curvature * self.model.s**2 > 1e4 * self.tolerance * self.scale)
+        return (self.lam > ACTIVE) & (
+            self.model.curvature * self.model.s**2 > 1e4 * self.tolerance * self.scale
+        )
 
     def reset(self) -> None:
-        """Drop the remote active pieces and look for them again within the distance that proves stationarity."""
+        """Drop the remote active pieces and look for them again within the distance that proves
+        stationarity."""
         keep = np.flatnonzero(~self.remote())
         nearby = float(np.sqrt(1e4 * self.tolerance * self.scale / self.model.curvature))
         self.resets += 1
         # steps may exceed the radius a little; what they find must not be remote again
-        self.redirect("reset", self.pieces.take(keep), np.full(len(keep), 1.0 / len(keep)), 0.5 * nearby)
+        self.redirect(
+            "reset", self.pieces.take(keep), np.full(len(keep), 1.0 / len(keep)), 0.5 * nearby
+        )
 
     def verdict(self) -> tuple[Status, str] | None:
-        """None to go on, else why to stop; converged: predicted decrease ≤ tolerance by pieces from nearby."""
+        """None to go on, else why to stop; converged: predicted decrease ≤ tolerance by pieces from
+        nearby."""
         predicted = f"predicted decrease {self.accuracy:.1e} of |f|"
         if self.accuracy <= self.tolerance:
             if not np.any(self.remote()):
@@ -426,7 +481,9 @@ class BundleNewton:
         if self.radius > 1e12 * self.unit:
             reason = f"f still falls at a distance of {self.radius:.1e}: it may be unbounded below; check its growth"
             return Status.UNBOUNDED, reason
-        if self.step.decrease <= 0.0 or self.step.length <= 4 * np.finfo(float).eps * float(np.linalg.norm(self.x)):
+        if self.step.decrease <= 0.0 or self.step.length <= 4 * np.finfo(float).eps * float(
+            np.linalg.norm(self.x)
+        ):
             return Status.STALLED, (
                 f"steps have shrunk to rounding level at a {predicted}; "
                 "check g and G against differences of f, or allow a larger tolerance"
@@ -435,16 +492,22 @@ class BundleNewton:
 
 
 def first_unit(piece: Bundle) -> float:
-    """A length to begin with: ‖x0‖, else ‖g‖/‖G‖, else |f|/‖g‖; 1 where the data hold no scale at all."""
+    """A length to begin with: ‖x0‖, else ‖g‖/‖G‖, else |f|/‖g‖; 1 where the data hold no scale at
+    all."""
     slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.combined(np.ones(1))))
-    for length, per in ((float(np.linalg.norm(piece.y)), 1.0), (slope, bend), (abs(float(piece.f[0])), slope)):
+    for length, per in (
+        (float(np.linalg.norm(piece.y)), 1.0),
+        (slope, bend),
+        (abs(float(piece.f[0])), slope),
+    ):
         if length > 0.0 and per > 0.0:
             return length / per
     return 1.0
 
 
 def contact_oracle(problem: ContactProblem) -> Oracle:
-    """v (m,) [m] → L̃(v) [J/m], one g ∈ ∂L̃(v) (m,) [N/m], the diagonal that Ã lacks of G (m,) [Pa]."""
+    """v (m,) [m] → L̃(v) [J/m], one g ∈ ∂L̃(v) (m,) [N/m], the diagonal that Ã lacks of G (m,)
+    [Pa]."""
     law, c, A_tilde = problem.law, problem.c, problem.A_tilde
 
     def oracle(v: Array) -> tuple[float, Array, Array]:
@@ -464,9 +527,9 @@ def solve_with_bundle(
 ) -> Outcome:
     """Run the method on the contact problem from x0 (m,) [m].
 
-    inclusion: inclusion residual to work for on the active pieces, as far as rounding allows it; None: without these
-    tolerance: of the energy; the error of v and of ξ is of the order of its root
-    The first length is the norm of the frictionless solution, or the law's slip scale.
+    inclusion: inclusion residual to work for on the active pieces, as far as rounding allows it;
+    None: without these tolerance: of the energy; the error of v and of ξ is of the order of its
+    root The first length is the norm of the frictionless solution, or the law's slip scale.
     """
 
     def exact(x: Array, left: float) -> Array | None:

@@ -1,24 +1,30 @@
-"""What can be proved about a solution v of a contact problem: unique, strict local minimum, global minimum.
+"""What can be proved about a solution v of a contact problem: unique, strict local minimum, global
+minimum.
 
 Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (below), and two
-                 solutions v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes of b on the
+                 solutions v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes
+                 of b on the
                  box; if that matrix is positive definite there is only one.
 Strict minimum:  A_FF + C b′ ≻ 0 on the free nodes, and every other node rests on an up-jump with left < 0 < right.
 Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) − Σ (ξ_i − c_i ζ_i)(w_i − v_i), D as below and
-                 ζ the element of b̂(v) nearest to ξ/c. If Ã − C diag(D + μ) ⪰ 0 no point of the box, so no point
-                 at all, has an energy below L̃(v) − ‖ξ/c − ζ‖²/(2μ) in the norm weighted by c: `energy_gap`,
+                 ζ the element of b̂(v) nearest to ξ/c. If Ã − C diag(D + μ) ⪰ 0 no point of the
+                 box, so no point
+                 at all, has an energy below L̃(v) − ‖ξ/c − ζ‖²/(2μ) in the norm weighted by c:
+                 `energy_gap`,
                  rounding squared.
 
-Every flag is one-sided: True is proved, False says "not certified". Positive definiteness is decided by Cholesky with
-the diagonal lowered by μ = margin·λ₁ and never by less than the rounding of the factorisation, so that it holds in
-floating-point arithmetic too; where Ã has lost more digits than that to stiff springs or materials, it is taken softer
-by its relative error. Left out: interval arithmetic (the inclusion residual of v enters through
-`energy_gap` only) and branch and bound for what is not certified.
+Every flag is one-sided: True is proved, False says "not certified". Positive definiteness is
+decided by Cholesky with the diagonal lowered by μ = margin·λ₁ and never by less than the rounding
+of the factorisation, so that it holds in floating-point arithmetic too; where Ã has lost more
+digits than that to stiff springs or materials, it is taken softer by its relative error. Left out:
+interval arithmetic (the inclusion residual of v enters through `energy_gap` only) and branch and
+bound for what is not certified.
 
-Of many points at once, which of many matrices Ã + C diag(s_r − μ) are positive definite, with few factorisations:
-steps d ← |Ã⁻¹|(w d) with w = C(μ − s)₊ ≥ 0 of all rows at once go to the direction in which Ã can hold w least, at the
-price of two products each. A row with dᵀ(Ã + C diag(s − μ))d ≤ 0 is refuted; one with |Ã⁻¹|(w d) < d for a d > 0 is
-proved, for then the spectral radius of Ã⁻¹w is below 1 (Collatz, Wielandt). Of 100 rows one or two are left open.
+Of many points at once, which of many matrices Ã + C diag(s_r − μ) are positive definite, with few
+factorisations: steps d ← |Ã⁻¹|(w d) with w = C(μ − s)₊ ≥ 0 of all rows at once go to the direction
+in which Ã can hold w least, at the price of two products each. A row with dᵀ(Ã + C diag(s − μ))d ≤
+0 is refuted; one with |Ã⁻¹|(w d) < d for a d > 0 is proved, for then the spectral radius of Ã⁻¹w is
+below 1 (Collatz, Wielandt). Of 100 rows one or two are left open.
 
 How far j bends below its tangent at a solution, on a box that holds all solutions, is
 
@@ -26,14 +32,15 @@ D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / 
 j(s) ≥ j(v_i) + ζ_i (s − v_i) − ½ D_i (s − v_i)² there. Summed over the nodes:
 L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) for every w in the box.
 
-On a linear piece the quotient is a parabola in 1/(s − v_i): its largest value is known in closed form. An exponential
-piece is cut into parts; on each b is bounded from below by a line through its value at the near end (the tangent
-where b is convex, the chord where it is concave), while j at the near end is exact. A smaller b makes the
-quotient larger, so the result is an upper bound of D_i, too large by O(part length²).
+On a linear piece the quotient is a parabola in 1/(s − v_i): its largest value is known in closed
+form. An exponential piece is cut into parts; on each b is bounded from below by a line through its
+value at the near end (the tangent where b is convex, the chord where it is concave), while j at the
+near end is exact. A smaller b makes the quotient larger, so the result is an upper bound of D_i,
+too large by O(part length²).
 
-The box: every solution satisfies v = Ã⁻¹(l̃ − Cζ) with ζ_i ∈ b̂(v_i), so a box for v gives an interval for ζ and that
-gives a better box; the iteration starts from what the energy allows. All bounds are widened by the rounding of the
-inverse, so that a box is never too small.
+The box: every solution satisfies v = Ã⁻¹(l̃ − Cζ) with ζ_i ∈ b̂(v_i), so a box for v gives an
+interval for ζ and that gives a better box; the iteration starts from what the energy allows. All
+bounds are widened by the rounding of the inverse, so that a box is never too small.
 """
 
 from __future__ import annotations
@@ -45,7 +52,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.newton import factor_free, slopes
-from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem, kept, least_lowered, pivot_shift
+from tcstudy.contact.problem import (
+    MARGIN,
+    CondensedBody,
+    ContactProblem,
+    kept,
+    least_lowered,
+    pivot_shift,
+)
 from tcstudy.contact.solution import extended
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
@@ -56,17 +70,20 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 FEW, PARTS = 6, 48
-"""Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
+"""Parts of an exponential piece: for a first try, which proves most of what can be proved, and of
+the careful bound."""
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
-"""Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
+"""Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D
+is enlarged."""
 
 
 def bends_below_tangent(
     laws: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
 ) -> tuple[Array, Array]:
-    """(upper, lower) bounds of D_i for slips between low and high (…, m) [Pa/m]; inf where v_i sits on a down-jump.
+    """(upper, lower) bounds of D_i for slips between low and high (…, m) [Pa/m]; inf where v_i sits
+    on a down-jump.
 
     zeta:  elements of b̂(v), exactly b(v) off the kinks [Pa]
     parts: of an exponential piece
@@ -75,14 +92,20 @@ def bends_below_tangent(
     flat = v.ravel(), zeta.ravel(), low.ravel(), high.ravel()
     right = _one_side(tables, law, flat[0], flat[1], flat[3], parts)
     left = _one_side(tables.mirrored, law, -flat[0], -flat[1], -flat[2], parts)
-    upper, lower = (np.maximum(one, other).reshape(v.shape) for one, other in zip(right, left, strict=True))
+    upper, lower = (
+        np.maximum(one, other).reshape(v.shape) for one, other in zip(right, left, strict=True)
+    )
     return upper, lower
 
 
-def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, parts: int) -> tuple[Array, Array]:
-    """(upper, lower) bounds of the sup of the quotient over s ∈ (v, high], −∞ where that is empty; law: of every v.
+def _one_side(
+    tables: Laws, law: Index, v: Array, zeta: Array, high: Array, parts: int
+) -> tuple[Array, Array]:
+    """(upper, lower) bounds of the sup of the quotient over s ∈ (v, high], −∞ where that is empty;
+    law: of every v.
 
-    Nodes go from v to the right, part after part of their pieces, with the gap j(v) + ζ(s − v) − j(s) there.
+    Nodes go from v to the right, part after part of their pieces, with the gap j(v) + ζ(s − v) −
+    j(s) there.
     """
     begin = tables.locate(v, law)
     first = begin.piece + begin.on
@@ -128,7 +151,8 @@ def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, part
 
 
 def _parts(tables: Laws, piece: Index, width: Array, count: int) -> list[Array]:
-    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes fast.
+    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes
+    fast.
 
     Of two exponentials the slower one has parts of its own behind those of the faster.
     """
@@ -142,18 +166,22 @@ def _parts(tables: Laws, piece: Index, width: Array, count: int) -> list[Array]:
             parts += [(fine - covered) / count] * count
             covered = fine
     parts.append(width - covered)
-    return [np.where(grows, last, first) for first, last in zip(parts, reversed(parts), strict=True)]
+    return [
+        np.where(grows, last, first) for first, last in zip(parts, reversed(parts), strict=True)
+    ]
 
 
 def start_excess(value: Array, zeta: Array) -> Array:
-    """ζ − b(v + 0) at v itself: 0 inside a piece, negative on an up-jump; rounding above 0 is removed."""
+    """ζ − b(v + 0) at v itself: 0 inside a piece, negative on an up-jump; rounding above 0 is
+    removed."""
     excess = zeta - value
     rounding = _ROUNDINGS * np.finfo(float).eps * np.maximum(np.abs(zeta), np.abs(value))
     return np.where(np.abs(excess) <= rounding, np.minimum(excess, 0.0), excess)
 
 
 def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
-    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w).
+    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in
+    1/(distance + w).
 
     Where its vertex is too far away for a double it is at infinity, beyond the width.
     """
@@ -171,19 +199,25 @@ def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Ar
 def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     """(low, high), (R, m) each: every solution of a row lies between them [m].
 
-    Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
-    drop out.
+    Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that
+    shrink no more drop out.
     """
     body, c, size = rows.body, rows.body.c, np.abs(rows.l_tilde)
     push = np.max(largest_push(rows.law)[rows.law.index], axis=1)
     load = np.sqrt((rows.l_tilde / c) ** 2 @ c)
     high = energy_reach(load[:, None], push[:, None], c, kept(body.A_error) * body.lambda_1)
-    low, absolute, answer, at = -high, np.abs(body.inverse), rows.l_tilde @ body.inverse, np.arange(len(high))
+    low, absolute, answer, at = (
+        -high,
+        np.abs(body.inverse),
+        rows.l_tilde @ body.inverse,
+        np.arange(len(high)),
+    )
     for _ in range(_ROUNDS):
         own_low, own_high = low[at], high[at]
         least, largest = value_range(rows.law.of_nodes(at), own_low, own_high)
         middle, radius = c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
-        # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much for slender bodies
+        # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much
+        # for slender bodies
         reach = (radius + body.rounding * (size[at] + np.abs(middle) + radius)) @ absolute
         centre = answer[at] - middle @ body.inverse
         low[at] = np.maximum(own_low, centre - reach)
@@ -196,9 +230,11 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
 
 
 def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: float) -> Array:
-    """How far from 0 the energy allows solutions to be (m,), or (R, m) with ‖l̃/c‖ and push (R, 1) [m].
+    """How far from 0 the energy allows solutions to be (m,), or (R, m) with ‖l̃/c‖ and push (R, 1)
+    [m].
 
-    With B = sup −sign(s) b(s) a solution has λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c.
+    With B = sup −sign(s) b(s) a solution has λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in
+    the norm weighted by c.
     """
     return np.asarray((1.0 + 1e-6) * (load + push * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c))
 
@@ -227,7 +263,9 @@ def _extremes(tables: Laws) -> tuple[Array, Array, Array]:
         rises = [tables.slope(end, piece) > 0.0 for end in (low, high)]
         turns = tables.bent & (low < high) & (rises[0] != rises[1])
         for at in zip(*np.nonzero(turns), strict=True):
-            from scipy.optimize import brentq  # here, because every run imports this module, and few laws turn
+            from scipy.optimize import (
+                brentq,
+            )  # here, because every run imports this module, and few laws turn
 
             s[at] = brentq(tables.slope, low[at], high[at], piece[at], xtol=np.finfo(float).tiny)
         b, at_kinks = tables.value(s, piece), (tables.b_left, tables.b_right)
@@ -238,7 +276,8 @@ def _extremes(tables: Laws) -> tuple[Array, Array, Array]:
 
 
 def least_slopes(laws: Laws, low: Array, high: Array) -> Array:
-    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m].
+    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low)
+    [Pa/m].
 
     b′ is monotone on a piece: the least is at an end of the interval or beside a kink in it.
     """
@@ -253,7 +292,8 @@ def least_slopes(laws: Laws, low: Array, high: Array) -> Array:
 
 
 def largest_push(laws: Laws) -> Array:
-    """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by (15)) [Pa]."""
+    """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by
+    (15)) [Pa]."""
     reach = far(laws)
     every = laws.tables.at(np.arange(len(reach)))
     least, _ = value_range(every, np.zeros(len(reach)), reach)
@@ -271,7 +311,8 @@ def far(laws: Laws) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """Proved properties of one solution, or (P,) of P; a flag that is False means "not certified", not the opposite.
+    """Proved properties of one solution, or (P,) of P; a flag that is False means "not certified",
+    not the opposite.
 
     residual:        inclusion residual of v; above the tolerance no flag is set except `convex` and `unique`
     lambda_1, omega: uniqueness threshold of the body and steepest fall of the law [Pa/m] (method §5)
@@ -323,7 +364,8 @@ def certify(
 def certify_rows(
     rows: ContactProblem, v: Array, tolerance: float | None = None, residual: Array | None = None
 ) -> Certificate:
-    """The same of a row each (R, m); residuals (R,) are those in double precision if none are given."""
+    """The same of a row each (R, m); residuals (R,) are those in double precision if none are
+    given."""
     proofs, residual = Proofs(rows), rows.inclusion_residual(v) if residual is None else residual
     solved = Acceptance(tolerance).accepts(residual, rows.xi_rounding(v))
     proofs.prove_lowest(np.flatnonzero(solved), v)
@@ -331,7 +373,8 @@ def certify_rows(
 
 
 class Proofs:
-    """What is proved of rows of problems, each flag (R,): `unique` before they are solved, the others of solutions.
+    """What is proved of rows of problems, each flag (R,): `unique` before they are solved, the
+    others of solutions.
 
     asked: False if nothing is to be proved
     """
@@ -346,7 +389,9 @@ class Proofs:
         with np.errstate(invalid="ignore"):  # of no nodes
             self.margin = share * body.lambda_1 - self.omega
         self.convex = (self.omega < (1.0 - MARGIN) * share * body.lambda_1) | (body.m == 0)
-        if rows.law.index.shape[1] > 1 and not body.loose:  # laws by node: once for rows of the same falls
+        if (
+            rows.law.index.shape[1] > 1 and not body.loose
+        ):  # laws by node: once for rows of the same falls
             falls, row = np.unique(rows.law.falls[rows.law.index], axis=0, return_inverse=True)
             least = [least_lowered(share * body.A_tilde, body.c, omega) for omega in falls]
             self.margin = np.array(least)[row.reshape(-1)]
@@ -359,11 +404,14 @@ class Proofs:
             self.unique[open_] = definite(body, least_slopes(rows.law, low, high))
 
     def prove_lowest(self, points: Index, v: Array) -> None:
-        """That solutions v (R, m) of these points, as far as they are not unique, are global minima."""
+        """That solutions v (R, m) of these points, as far as they are not unique, are global
+        minima."""
         points = points[~self.unique[points]]
         if self.asked and len(points) and not self.rows.body.loose:
             rows = self.rows.take(points)
-            self.lowest[points] = global_minimum(rows, v[points], self.low[points], self.high[points])
+            self.lowest[points] = global_minimum(
+                rows, v[points], self.low[points], self.high[points]
+            )
 
     def certificate(self, v: Array, residual: Array, solved: Flags) -> Certificate:
         """What is proved about the points, of solutions only beside `convex` and `unique`."""
@@ -374,7 +422,11 @@ class Proofs:
         lambda_1, error = np.full((2, len(v)), [[body.lambda_1], [body.A_error]])
         gap = np.full(len(v), np.nan)
         if body.m:
-            gap[lowest] = rows.take(np.flatnonzero(lowest)).distance(v[lowest]) ** 2 @ body.c / (2.0 * body.shift)
+            gap[lowest] = (
+                rows.take(np.flatnonzero(lowest)).distance(v[lowest]) ** 2
+                @ body.c
+                / (2.0 * body.shift)
+            )
         return Certificate(residual, lambda_1, error, self.omega, self.margin, self.convex, self.unique, strict, lowest,
                            gap)  # fmt: skip
 
@@ -382,7 +434,9 @@ class Proofs:
 def row_of(record: Any, row: int) -> Any:
     """One row of a record of rows, which may hold None or such records."""
     if is_dataclass(record) and not isinstance(record, type):
-        values: dict[str, Any] = {field.name: row_of(getattr(record, field.name), row) for field in fields(record)}
+        values: dict[str, Any] = {
+            field.name: row_of(getattr(record, field.name), row) for field in fields(record)
+        }
         return type(record)(**values)
     return None if record is None else record[row]
 
@@ -390,12 +444,16 @@ def row_of(record: Any, row: int) -> Any:
 def as_row(record: Any) -> Any:
     """A record as one row of such."""
     if is_dataclass(record) and not isinstance(record, type):
-        values: dict[str, Any] = {field.name: as_row(getattr(record, field.name)) for field in fields(record)}
+        values: dict[str, Any] = {
+            field.name: as_row(getattr(record, field.name)) for field in fields(record)
+        }
         return replace(record, **values)
     return None if record is None else np.asarray(record)[None]
 
 
-def positive_definite(problem: ContactProblem, slope: Array, lambda_1: float, named: Index | None = None) -> bool:
+def positive_definite(
+    problem: ContactProblem, slope: Array, lambda_1: float, named: Index | None = None
+) -> bool:
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
     nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
     shift = pivot_shift(problem.A_tilde, problem.c, lambda_1)
@@ -410,7 +468,8 @@ def positive_definite(problem: ContactProblem, slope: Array, lambda_1: float, na
 _PRODUCTS = 4
 """Steps of all rows towards directions that prove or refute them."""
 _LEAST = 1e-9
-"""Least part of its largest entry that an entry of such a direction has, since all must be positive."""
+"""Least part of its largest entry that an entry of such a direction has, since all must be
+positive."""
 
 
 def definite(body: CondensedBody, slope: Array) -> Flags:
@@ -421,13 +480,19 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
     diagonal = body.c * (slope - body.shift) / kept(body.A_error)
     rows = np.flatnonzero(np.all(np.diagonal(body.A_tilde) + diagonal > 0.0, axis=1))
     absolute, added = np.abs(body.inverse), diagonal[rows]
-    slack, weight, d = body.rounding * absolute.sum(axis=1), np.maximum(-added, 0.0), np.ones(added.shape)
+    slack, weight, d = (
+        body.rounding * absolute.sum(axis=1),
+        np.maximum(-added, 0.0),
+        np.ones(added.shape),
+    )
     for _ in range(_PRODUCTS):
         pushed = weight * d
         held = pushed @ absolute
         sure = np.all(held + np.max(pushed, axis=1, initial=0.0)[:, None] * slack < d, axis=1)
         proved[rows[sure]] = True
-        d = np.maximum(held / np.maximum(np.max(held, axis=1), np.finfo(float).tiny)[:, None], _LEAST)
+        d = np.maximum(
+            held / np.maximum(np.max(held, axis=1), np.finfo(float).tiny)[:, None], _LEAST
+        )
         squares = np.einsum("ri,ri->r", d, d @ body.A_tilde) + np.einsum("ri,ri->r", added, d * d)
         on = ~sure & (squares > 0.0)
         rows, added, weight, d = rows[on], added[on], weight[on], d[on]
@@ -439,8 +504,8 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
 def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> Flags:
     """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions.
 
-    A few parts of exponential pieces prove most rows, and lower bounds of D refute most others; nodes of what is left
-    whose bounds lie apart are bounded again with more parts.
+    A few parts of exponential pieces prove most rows, and lower bounds of D refute most others;
+    nodes of what is left whose bounds lie apart are bounded again with more parts.
     """
     zeta = np.clip(rows.xi(v) / rows.body.c, *rows.law.interval(v))
     low, high = np.minimum(low, v), np.maximum(high, v)
@@ -464,7 +529,8 @@ def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> F
 
 
 def strict_minimum(rows: ContactProblem, v: Array) -> Flags:
-    """(R,) the second-order test with nodes that rest without slack counted as free (sufficient, not necessary)."""
+    """(R,) the second-order test with nodes that rest without slack counted as free (sufficient,
+    not necessary)."""
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))

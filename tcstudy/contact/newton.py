@@ -1,33 +1,38 @@
-"""One-sided slopes, Newton's equations for many rows at once, ways out of saddles, and a step by a convex model.
+"""One-sided slopes, Newton's equations for many rows at once, ways out of saddles, and a step by a
+convex model.
 
-Newton's equations of a row, (A_FF + C b′_F) d_F = −g_F on its free nodes F, are solved on the smaller of two sides:
-on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′ ≠ 0:
+Newton's equations of a row, (A_FF + C b′_F) d_F = −g_F on its free nodes F, are solved on the
+smaller of two sides: on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′ ≠
+0:
 
     y = −G g,   (G_KK + D) z = y_K,   d = y − G z,   D = 1/(c b′) on sliding nodes of K, 0 on resting ones.
 
-A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′ (Sylvester's law of inertia
-on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, since
-Ã alone is positive definite.
+A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′
+(Sylvester's law of inertia on both Schur complements of one block matrix). Where it is not, the
+falls of b are lifted to zero, since Ã alone is positive definite.
 
-Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck, and a direction d
-with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end so.
+Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck,
+and a direction d with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end
+so.
 
-The convex model of L̃ knows all rising pieces and up-jumps of b; its minimum is found by interior points.
-Newton's steps and the moves of single nodes settle few nodes at a time where the body couples all of them strongly (Ã
-dense and badly conditioned); an interior point method settles all together, in some twenty factorisations whatever
-their number. The model at v: b = b_↑ + rest, where b_↑ has the up-jumps of b and its slopes where they are positive,
-and the rest, which only falls, stays what it is at v:
+The convex model of L̃ knows all rising pieces and up-jumps of b; its minimum is found by interior
+points. Newton's steps and the moves of single nodes settle few nodes at a time where the body
+couples all of them strongly (Ã dense and badly conditioned); an interior point method settles all
+together, in some twenty factorisations whatever their number. The model at v: b = b_↑ + rest, where
+b_↑ has the up-jumps of b and its slopes where they are positive, and the rest, which only falls,
+stays what it is at v:
 
     min over w  ½wᵀÃw − (l̃ − c·rest)ᵀw + Σ c_i j_↑(w_i)
 
-For a law that nowhere falls this is the problem itself; else −j of the rest bends up, so that the model lies above L̃
-and its minimum is no higher than v. The law b_↑ is a sum of elements: a line of the least slope, and for each up-jump
-or steeper piece a force e in [0, h] that grows as the slip passes s:
+For a law that nowhere falls this is the problem itself; else −j of the rest bends up, so that the
+model lies above L̃ and its minimum is no higher than v. The law b_↑ is a sum of elements: a line of
+the least slope, and for each up-jump or steeper piece a force e in [0, h] that grows as the slip
+passes s:
 
     w_i − s = γ e + x⁺ − x⁻,   0 ≤ e ⟂ x⁻ ≥ 0,   0 ≤ h − e ⟂ x⁺ ≥ 0      (γ = 0 for a jump, 1/slope for a piece)
 
-Method: Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992) 575–601; e and x are eliminated, so that each step
-costs one Cholesky factor of Ã plus a diagonal.
+Method: Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992) 575–601; e and x are eliminated,
+so that each step costs one Cholesky factor of Ã plus a diagonal.
 """
 
 from __future__ import annotations
@@ -56,7 +61,8 @@ def with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
 
 
 def cholesky(matrix: Array) -> tuple[Array, int]:
-    """Lower factor of a symmetric C-ordered matrix (overwritten) and LAPACK's info (0 if positive definite)."""
+    """Lower factor of a symmetric C-ordered matrix (overwritten) and LAPACK's info (0 if positive
+    definite)."""
     factor, info = scipy.linalg.lapack.dpotrf(matrix.T, lower=1, clean=0, overwrite_a=1)
     return factor, int(info)
 
@@ -81,12 +87,15 @@ def negative_curvature(A_tilde: Array, free: Index, added: Array) -> Array | Non
     direction[k] = 1.0
     if k:
         row = A_tilde[free[k], free[:k]]
-        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row, lower=1)[0]
+        direction[:k] = -scipy.linalg.lapack.dpotrs(
+            np.asfortranarray(factor[:k, :k]), row, lower=1
+        )[0]
     return direction
 
 
 STACKED, TRUSTED = 24, 64
-"""Up to so many unknowns linear systems are stacked for one call, and systems with falls of b taken as they are."""
+"""Up to so many unknowns linear systems are stacked for one call, and systems with falls of b taken
+as they are."""
 _WIDTH = 8
 """Stacked systems are padded to multiples of this."""
 _NOTHING = 2.0**-60
@@ -154,16 +163,19 @@ def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
 
 
 def steeper(left: Array, right: Array, jump: Flags) -> Array:
-    """The steeper descending one of two slopes at a jump of b, 0 at rest; the derivative elsewhere."""
+    """The steeper descending one of two slopes at a jump of b, 0 at rest; the derivative
+    elsewhere."""
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     return np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
 
 
-def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
+def directions(
+    body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False
+) -> Array:
     """(R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere, k = `stiffness` = c b′ [N/m per m].
 
-    Rows in which that matrix is not positive definite get the k lifted to at least 0; of small systems only those
-    whose d does not descend.
+    Rows in which that matrix is not positive definite get the k lifted to at least 0; of small
+    systems only those whose d does not descend.
 
     careful: also of small systems all
     """
@@ -182,14 +194,19 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
     y = np.zeros(free.shape)
     if np.any(compliant):
         y[compliant] = -(g[compliant] @ body.inverse)
-    z, softness = np.zeros(free.shape), np.divide(1.0, stiffness, out=np.zeros(free.shape), where=loaded)
+    z, softness = (
+        np.zeros(free.shape),
+        np.divide(1.0, stiffness, out=np.zeros(free.shape), where=loaded),
+    )
     rows, others = np.flatnonzero(stack & ~compliant), np.flatnonzero(stack & compliant)
     d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
     if len(others):
         z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
     for i in np.flatnonzero(~stack & ~compliant):
         nodes = free[i].nonzero()[0]
-        d[i, nodes] = _on_free(body, nodes, stiffness[i].take(nodes), -g[i].take(nodes), bool(trusted[i]))
+        d[i, nodes] = _on_free(
+            body, nodes, stiffness[i].take(nodes), -g[i].take(nodes), bool(trusted[i])
+        )
     k = np.where(loaded, stiffness, 0.0)
     for i in np.flatnonzero(~stack & compliant):
         nodes = held[i].nonzero()[0]
@@ -205,7 +222,8 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
 
 
 def _stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
-    """(R, m) x with (M + diag) x = rhs on the masked nodes of each row; systems of similar size in one stack."""
+    """(R, m) x with (M + diag) x = rhs on the masked nodes of each row; systems of similar size in
+    one stack."""
     x, size = np.zeros(mask.shape), np.count_nonzero(mask, axis=1)
     order = np.argsort(~mask, axis=1, kind="stable")
     width = np.minimum(mask.shape[1], -(-size // _WIDTH) * _WIDTH)
@@ -223,7 +241,8 @@ def _stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
 
 
 def _positive(matrix: Array, rhs: Array) -> tuple[Array, int]:
-    """Solution with a symmetric matrix (overwritten) and LAPACK's info, 0 if it is positive definite."""
+    """Solution with a symmetric matrix (overwritten) and LAPACK's info, 0 if it is positive
+    definite."""
     _, x, info = scipy.linalg.lapack.dposv(matrix.T, rhs, lower=1, overwrite_a=1)
     return x, info
 
@@ -233,7 +252,8 @@ def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bo
     if not len(free):
         return rhs
     lifted = np.maximum(k, 0.0)
-    # at last only friction holds the body, and too little of it: a proximal step, which up-jumps will stop
+    # at last only friction holds the body, and too little of it: a proximal step, which up-jumps
+    # will stop
     for own in (k, lifted, lifted + _PROXIMAL * np.diagonal(body.A_tilde)[free]):
         x, info = _positive(with_diagonal(body.A_tilde, free, own), rhs)
         if info == 0:
@@ -247,12 +267,19 @@ def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool
     """(n,) forces z of one row on the nodes that rest or have k ≠ 0."""
     if not len(held):
         return y
-    matrix = with_diagonal(body.inverse, held, np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0))
+    matrix = with_diagonal(
+        body.inverse, held, np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0)
+    )
     falls = np.count_nonzero(k < 0.0)
     if not falls:
         return _positive(matrix, y)[0]
-    factor, pivots, z, _ = scipy.linalg.lapack.dsysv(matrix.T, y, lwork=64 * len(held), lower=1, overwrite_a=1)
-    negative = np.count_nonzero((pivots > 0) & (np.diagonal(factor) < 0.0)) + np.count_nonzero(pivots < 0) // 2
+    factor, pivots, z, _ = scipy.linalg.lapack.dsysv(
+        matrix.T, y, lwork=64 * len(held), lower=1, overwrite_a=1
+    )
+    negative = (
+        np.count_nonzero((pivots > 0) & (np.diagonal(factor) < 0.0))
+        + np.count_nonzero(pivots < 0) // 2
+    )
     if not trusted and negative != falls:
         kept, z = k >= 0.0, np.zeros(len(k))
         z[kept] = _on_held(body, held[kept], k[kept], y[kept], trusted)
@@ -262,9 +289,9 @@ def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool
 def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple[Array, Flags]:
     """(points of less energy where there are such, whether), for stationary points v (R, m).
 
-    They lie towards the first kink along ±d of negative curvature. Until a node reaches its next kink the energy of a
-    piecewise-linear law is an exact parabola that opens downwards: the first step ends there. Exponential pieces may
-    need shorter ones.
+    They lie towards the first kink along ±d of negative curvature. Until a node reaches its next
+    kink the energy of a piecewise-linear law is an exact parabola that opens downwards: the first
+    step ends there. Exponential pieces may need shorter ones.
     """
     body, free, law = rows.body, s.free, rows.law
     added = np.where(free, body.c * law.slope(v, s.piece), 0.0)
@@ -279,7 +306,9 @@ def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple
         first_order = np.where(direction > 0.0, s.right[i], s.left[i])
         direction = -direction if float(first_order @ direction) > 0.0 else direction
         end = np.where(direction > 0.0, law.upper.take(s.piece[i]), law.lower.take(s.piece[i]))
-        reach = np.divide(end - v[i], direction, out=np.full(body.m, np.inf), where=direction != 0.0)
+        reach = np.divide(
+            end - v[i], direction, out=np.full(body.m, np.inf), where=direction != 0.0
+        )
         length = float(np.min(reach[reach > 0.0], initial=np.inf))
         row, at = rows.take(np.array([i])), Place(s.at.piece[[i]], s.at.on[[i]])
         for part in (1.0, 0.25, 0.05) if np.isfinite(length) else ():
@@ -294,7 +323,8 @@ def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple
 _STEPS = 80
 _TO_BOUNDARY = 0.995
 _SMALL = 1e-14
-"""Most steps, how far each goes towards the boundary, and the complementarity, relative to its first, that ends it."""
+"""Most steps, how far each goes towards the boundary, and the complementarity, relative to its
+first, that ends it."""
 
 
 def convex_step(problem: ContactProblem, v: Array) -> Array | None:
@@ -308,7 +338,9 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     piece = np.where(descent <= 0.0, law.piece(v, +1), law.piece(v, -1))
     own = piece if law.one else piece - law.tables.first[index]
     with np.errstate(divide="ignore", invalid="ignore"):
-        force = np.where(gamma > 0.0, np.clip(sign * (v - s) / gamma, 0.0, h), np.where(kink < own, h, 0.0))
+        force = np.where(
+            gamma > 0.0, np.clip(sign * (v - s) / gamma, 0.0, h), np.where(kink < own, h, 0.0)
+        )
     rest = law.value(v, piece) - (slope * v + np.sum(sign * force, axis=0))
     matrix, load = problem.A_tilde.copy(), problem.l_tilde - c * rest
     diagonal = matrix.reshape(-1)[:: len(v) + 1]
@@ -317,22 +349,30 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
         _, w, info = scipy.linalg.lapack.dposv(matrix, load, lower=1)
         return w if info == 0 else None
     capped = np.isfinite(h)
-    both = np.stack([np.ones(h.shape), capped])  # of e with x⁻ and, where there is a cap, of h − e with x⁺
+    both = np.stack(
+        [np.ones(h.shape), capped]
+    )  # of e with x⁻ and, where there is a cap, of h − e with x⁺
     size = float(np.max(np.abs(h[capped]), initial=0.0)) or problem.traction_scale
     reach = float(np.max(np.abs(problem.l_tilde) + c * size) / np.min(diagonal))
     reach = max(float(np.max(np.abs(v - s))), reach if np.isfinite(reach) else 0.0)
     w, e = v.copy(), np.where(capped, 0.5 * h, size)
-    # h − e is a variable of its own, as it would lose its digits; without a cap x⁺ = 0, here y = 0 beside an x of 1
+    # h − e is a variable of its own, as it would lose its digits; without a cap x⁺ = 0, here y = 0
+    # beside an x of 1
     x = np.stack([e, np.where(capped, h - e, 1.0)])
     gap = sign * (v - s) - gamma * e
-    y = np.stack([np.maximum(-gap, 0.0) + reach, np.where(capped, np.maximum(gap, 0.0) + reach, 0.0)])
+    y = np.stack(
+        [np.maximum(-gap, 0.0) + reach, np.where(capped, np.maximum(gap, 0.0) + reach, 0.0)]
+    )
     kinds = 1.0 + float(np.mean(capped))
     first = mu = float(np.sum(x * y)) / (e.size * kinds)
     for _ in range(_STEPS):
         if mu <= _SMALL * first:
             break
         theta = gamma + y[1] / x[1] + y[0] / x[0]
-        balance, gap = load - matrix @ w - c * np.sum(sign * x[0], axis=0), sign * (w - s) - gamma * x[0] - y[1] + y[0]
+        balance, gap = (
+            load - matrix @ w - c * np.sum(sign * x[0], axis=0),
+            sign * (w - s) - gamma * x[0] - y[1] + y[0],
+        )
         lifted = matrix.copy()
         lifted.reshape(-1)[:: len(v) + 1] += c * np.sum(sign**2 / theta, axis=0)
         factor, info = cholesky(lifted)
@@ -344,12 +384,17 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
             rhs = balance - c * np.sum(sign * known / theta, axis=0)
             dw = scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
             de = (sign * dw + known) / theta
-            dx, dy = np.stack([de, np.where(capped, -de, 0.0)]), (target - y * np.stack([de, -de])) / x
+            dx, dy = (
+                np.stack([de, np.where(capped, -de, 0.0)]),
+                (target - y * np.stack([de, -de])) / x,
+            )
             with np.errstate(divide="ignore", invalid="ignore"):
                 ends = [np.where(d < 0.0, -share * z / d, 1.0) for z, d in ((x, dx), (y, dy))]
             length = min(1.0, float(np.min(ends)))
             after = float(np.sum((x + length * dx) * (y + length * dy)))
-            target = both * (mu * min(1.0, after / (mu * e.size * kinds)) ** 3 - x * y - dx * dy)  # of the corrector
+            target = both * (
+                mu * min(1.0, after / (mu * e.size * kinds)) ** 3 - x * y - dx * dy
+            )  # of the corrector
         if not (length > 1e-6 and np.all(np.isfinite(dw))):
             break
         w, x, y = w + length * dw, x + length * dx, y + length * dy
@@ -363,7 +408,8 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
 
 
 def _elements(laws: Laws, index: NDArray[np.intp]) -> tuple[list[Array], Array]:
-    """(s, h, γ, sign, kink) of the elements of b_↑ at every node (n, m) each, and the least slopes (m,).
+    """(s, h, γ, sign, kink) of the elements of b_↑ at every node (n, m) each, and the least slopes
+    (m,).
 
     laws: tables;  sign: −1 for the outer piece on the left, whose slip counts to the left;  kink: of an up-jump its
     index, −1 for a piece. Exponential pieces rise from end to end. A node with fewer elements than others has some of
@@ -372,12 +418,21 @@ def _elements(laws: Laws, index: NDArray[np.intp]) -> tuple[list[Array], Array]:
     low, high, up = laws.lower, laws.upper, laws.kinds == UP
     outer = ~(np.isfinite(low) & np.isfinite(high))
     ends = [np.where(outer, laws.s_0, s) for s in (low, high)]
-    width, start, end = np.where(outer, 1.0, ends[1] - ends[0]), *(laws.value(s, laws.addresses) for s in ends)
+    width, start, end = (
+        np.where(outer, 1.0, ends[1] - ends[0]),
+        *(laws.value(s, laws.addresses) for s in ends),
+    )
     rise = np.maximum(np.where(laws.bent & ~outer, (end - start) / width, laws.q), 0.0)
     least = np.min(rise, axis=1, keepdims=True)
     rises, steeper = (rise > least) & (low < high), np.where(rise > least, rise - least, 1.0)
     sign = np.where(np.isfinite(low), 1.0, -1.0)
-    jumps: tuple[Any, ...] = laws.kinks, laws.b_right - laws.b_left, np.zeros(up.shape), 1.0, np.arange(up.shape[1])
+    jumps: tuple[Any, ...] = (
+        laws.kinks,
+        laws.b_right - laws.b_left,
+        np.zeros(up.shape),
+        1.0,
+        np.arange(up.shape[1]),
+    )
     pieces: tuple[Any, ...] = (
         np.where(np.isfinite(low), low, high),
         np.where(outer, np.inf, steeper * width),
@@ -388,6 +443,8 @@ def _elements(laws: Laws, index: NDArray[np.intp]) -> tuple[list[Array], Array]:
     found, none = [], (0.0, laws.at(index).b_scale or 1.0, 0.0, 0.0, -1.0)
     used = np.any(np.append(up, rises, axis=1)[np.unique(index)], axis=0)
     for of_jump, of_piece, nothing in zip(jumps, pieces, none, strict=True):
-        column = np.append(np.where(up, of_jump, nothing), np.where(rises, of_piece, nothing), axis=1)
+        column = np.append(
+            np.where(up, of_jump, nothing), np.where(rises, of_piece, nothing), axis=1
+        )
         found.append(column[:, used][index].T)
     return found, least[index, 0]

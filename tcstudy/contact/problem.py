@@ -1,16 +1,17 @@
-"""The condensed contact problem on plain arrays, one or rows of them on one body, and the test of its solutions.
+"""The condensed contact problem on plain arrays, one or rows of them on one body, and the test of
+its solutions.
 
 Problem:    0 ∈ ∂L̃(v),  L̃(v) = ½vᵀÃv − l̃ᵀv + Ψ(v),  Ψ(v) = Σ c_i j(v_i)
 Acceptance: ξ = l̃ − Ãv with ξ_i ∈ c_i b̂(v_i), i = 1..m, eq. (21)
 Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), §3
 
-The body knows no load and no law: its record is made once (offline), pickles, and serves any number of problems. A body
-whose E varies is one body, too: divide the problem by E.
+The body knows no load and no law: its record is made once (offline), pickles, and serves any number
+of problems. A body whose E varies is one body, too: divide the problem by E.
 
-Large bodies have coarser copies of themselves, which give starts (nested iteration): the Galerkin restriction to every
-second contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and those nodes' laws, is a contact
-problem again and costs an eighth. The nodes are taken in the order of their numbers, along Γ_C; another order costs
-quality of the start, never correctness.
+Large bodies have coarser copies of themselves, which give starts (nested iteration): the Galerkin
+restriction to every second contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c =
+Pᵀc and those nodes' laws, is a contact problem again and costs an eighth. The nodes are taken in
+the order of their numbers, along Γ_C; another order costs quality of the start, never correctness.
 """
 
 from __future__ import annotations
@@ -93,13 +94,16 @@ class CondensedBody:
 
     @classmethod
     def of(cls, A_tilde: Array, c: Array, A_error: float = 0.0) -> CondensedBody:
-        """The record of Ã (m, m) and c (m,) with all that is made of them; two factorisations and an eigenvalue.
+        """The record of Ã (m, m) and c (m,) with all that is made of them; two factorisations and
+        an eigenvalue.
 
         Raises ValueError if Ã is not positive definite: then the body can move freely.
         """
         body = cls(np.array(A_tilde, dtype=float, order="C"), np.array(c, dtype=float), A_error)
         if body.loose:
-            raise ValueError("the condensed stiffness is not positive definite: the body can move freely (clamp it)")
+            raise ValueError(
+                "the condensed stiffness is not positive definite: the body can move freely (clamp it)"
+            )
         copy: CondensedBody | None = body
         while copy is not None:
             _, _, copy = copy.inverse, copy.lambda_1, copy.coarse
@@ -107,7 +111,8 @@ class CondensedBody:
 
     @classmethod
     def known(cls, A_tilde: Array, c: Array, A_error: float = 0.0, **facts: Any) -> CondensedBody:
-        """The record for one problem, with those of its `lambda_1` and `inverse` that are known and not None."""
+        """The record for one problem, with those of its `lambda_1` and `inverse` that are known and
+        not None."""
         body = cls(A_tilde, c, A_error, shared=False)
         vars(body).update({name: fact for name, fact in facts.items() if fact is not None})
         return body
@@ -140,7 +145,9 @@ class CondensedBody:
         if self.m <= COARSEST or self.loose:
             return None
         coarse = self.P.T @ (self.P.T @ self.A_tilde).T
-        return CondensedBody(np.ascontiguousarray(0.5 * (coarse + coarse.T)), self.P.T @ self.c, shared=self.shared)
+        return CondensedBody(
+            np.ascontiguousarray(0.5 * (coarse + coarse.T)), self.P.T @ self.c, shared=self.shared
+        )
 
     @cached_property
     def shift(self) -> float:
@@ -153,7 +160,9 @@ class CondensedBody:
         count, node = (self.m + 1) // 2, np.arange(self.m)
         columns = np.concatenate([node // 2, np.minimum((node + 1) // 2, count - 1)])
         shape = self.m, count
-        return scipy.sparse.csr_matrix((np.full(2 * self.m, 0.5), (np.tile(node, 2), columns)), shape=shape)
+        return scipy.sparse.csr_matrix(
+            (np.full(2 * self.m, 0.5), (np.tile(node, 2), columns)), shape=shape
+        )
 
     @cached_property
     def rounding(self) -> float:
@@ -164,7 +173,8 @@ class CondensedBody:
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """0 ∈ Ãv − l̃ + ∂Ψ(v) for the tangential displacements v of the m contact nodes; or R of these, a row each.
+    """0 ∈ Ãv − l̃ + ∂Ψ(v) for the tangential displacements v of the m contact nodes; or R of these,
+    a row each.
 
     A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
     l_tilde: (m,) condensed load, or (R, m) [N/m]
@@ -196,12 +206,16 @@ class ContactProblem:
     @cached_property
     def body(self) -> CondensedBody:
         """What is made of Ã and c alone."""
-        return CondensedBody.known(np.ascontiguousarray(self.A_tilde, dtype=float), self.c, self.A_error)
+        return CondensedBody.known(
+            np.ascontiguousarray(self.A_tilde, dtype=float), self.c, self.A_error
+        )
 
     @cached_property
     def rows(self) -> ContactProblem:
         """One problem as a block of one row."""
-        return ContactProblem.on(self.body, self.l_tilde[None], self.law.tables.at(np.atleast_2d(self.law.index)))
+        return ContactProblem.on(
+            self.body, self.l_tilde[None], self.law.tables.at(np.atleast_2d(self.law.index))
+        )
 
     def take(self, rows: Index) -> ContactProblem:
         """The named rows."""
@@ -223,10 +237,14 @@ class ContactProblem:
         friction = self.law.integral(np.zeros(v.shape), v)
         return friction @ self.c - 0.5 * np.einsum("...i,...i->...", v, self.l_tilde + self.xi(v))
 
-    def energy_change(self, v: Array, target: Array, xi: Array | None = None, at: Place | None = None) -> Any:
-        """L̃(target) − L̃(v), summed from small terms, and the work of ξ that it is small against [J/m].
+    def energy_change(
+        self, v: Array, target: Array, xi: Array | None = None, at: Place | None = None
+    ) -> Any:
+        """L̃(target) − L̃(v), summed from small terms, and the work of ξ that it is small against
+        [J/m].
 
-        Near a solution the difference is far below the rounding of L̃ itself. xi, at: ξ and place of v, if known
+        Near a solution the difference is far below the rounding of L̃ itself. xi, at: ξ and place
+        of v, if known
         """
         move = target - v
         work = (self.xi(v) if xi is None else xi) * move
@@ -240,16 +258,21 @@ class ContactProblem:
 
     @cached_property
     def traction_scale(self) -> float:
-        """What is known of `scale` before v is: the law's own, else the largest load per length or b(0) [Pa]."""
+        """What is known of `scale` before v is: the law's own, else the largest load per length or
+        b(0) [Pa]."""
         own = self.law.b_scale
         if own > 0.0:
             return own
-        return float(np.max(np.abs([*self.l_tilde / self.c, *np.ravel(self.law.b(0.0))]), initial=0.0))
+        return float(
+            np.max(np.abs([*self.l_tilde / self.c, *np.ravel(self.law.b(0.0))]), initial=0.0)
+        )
 
     def xi_rounding(self, v: Array) -> Any:
-        """What rounding v to doubles does to the inclusion residual, about: the bound of scene/study.py.
+        """What rounding v to doubles does to the inclusion residual, about: the bound of
+        scene/study.py.
 
-        √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its jumps.
+        √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off
+        its jumps.
         """
         return self.rounding(v) / self.scale(self.xi(v))
 
@@ -269,13 +292,15 @@ class ContactProblem:
         return np.asarray((load + np.abs(v) @ np.abs(self.A_tilde)) / self.c)
 
     def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
-        """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the filled interval."""
+        """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the
+        filled interval."""
         traction = (self.xi(v) if xi is None else xi) / self.c
         low, high = self.law.interval(v, tolerance)
         return np.maximum(0.0, np.maximum(low - traction, traction - high))
 
     def inclusion_residual(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Any:
-        """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution (method §3).
+        """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution
+        (method §3).
 
         xi: ξ if it is known better than double precision gives it
         """
@@ -284,25 +309,30 @@ class ContactProblem:
     def residual_bound(self, v: Array) -> Any:
         """The same, no smaller than it is in exact arithmetic: with what rounding may hide in it.
 
-        Sums of m products are taken to be off by up to √m ε of their magnitudes: the probabilistic bound of Higham &
-        Mary, SIAM J. Sci. Comput. 41 (2019) A2815–A2835, with λ = 2, for sums one by one; BLAS sums in blocks, which is
-        better.
+        Sums of m products are taken to be off by up to √m ε of their magnitudes: the probabilistic
+        bound of Higham & Mary, SIAM J. Sci. Comput. 41 (2019) A2815–A2835, with λ = 2, for sums one
+        by one; BLAS sums in blocks, which is better.
         """
         law, xi, at = self.law, self.xi(v), self.law.locate(v)
         terms = np.maximum(*(law.terms(v, piece) for piece in (at.piece, at.piece + at.on)))
         error = np.finfo(float).eps * ((np.sqrt(self.m) + 1.0) * self._size(v) + 2.0 * terms)
         low, high = law.interval(v, at=at)
-        return self.relative(np.maximum(np.maximum(low - xi / self.c, xi / self.c - high) + error, 0.0), xi)
+        return self.relative(
+            np.maximum(np.maximum(low - xi / self.c, xi / self.c - high) + error, 0.0), xi
+        )
 
     def scale(self, xi: Array) -> Any:
-        """The law's own scale of b; without one the largest of loads and of ξ per length, or b(0); or 1 [Pa]."""
+        """The law's own scale of b; without one the largest of loads and of ξ per length, or b(0);
+        or 1 [Pa]."""
         own = self._own_scale
         if np.all(own > 0.0):
             return own
         forces = np.max(np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c, axis=-1, initial=0.0)
         at_0 = np.maximum(*(np.abs(b) for b in self.law.interval(np.zeros(self.l_tilde.shape))))
         at_0 = np.max(at_0, axis=-1, initial=0.0)
-        return np.where(own > 0.0, own, np.where(forces > 0.0, forces, np.where(at_0 > 0.0, at_0, 1.0)))[()]
+        return np.where(
+            own > 0.0, own, np.where(forces > 0.0, forces, np.where(at_0 > 0.0, at_0, 1.0))
+        )[()]
 
     @cached_property
     def _own_scale(self) -> Any:
@@ -330,11 +360,14 @@ class ContactProblem:
 
     def frictionless(self) -> Array:
         """Ã⁻¹ l̃, the solution without friction (m,)."""
-        return scipy.linalg.cho_solve(scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde)
+        return scipy.linalg.cho_solve(
+            scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde
+        )
 
 
 def kept(error: float) -> float:
-    """1 − error, the share of Ã and λ₁ that proofs lean on; 1 where the error is within the margin that they have."""
+    """1 − error, the share of Ã and λ₁ that proofs lean on; 1 where the error is within the margin
+    that they have."""
     return 1.0 if error <= MARGIN else max(1.0 - error, float(np.finfo(float).tiny))
 
 
@@ -354,21 +387,25 @@ def least_eigenvalue(A_tilde: Array, c: Array) -> float:
 
 
 def least_eigenpair(A_tilde: Array, c: Array) -> tuple[float, Array, float]:
-    """(λ, x, error) of the smallest λ with Ãx = λCx and xᵀCx = 1: no eigenvalue is nearer than λ(1 ± error).
+    """(λ, x, error) of the smallest λ with Ãx = λCx and xᵀCx = 1: no eigenvalue is nearer than λ(1
+    ± error).
 
     error: ‖C^{−½}(Ãx − λCx)‖/λ with a residual of twice the precision; inf for λ ≤ 0
     """
     if len(c) == 0:
         return float("inf"), c, 0.0
     root = 1.0 / np.sqrt(c)
-    values, vectors = scipy.linalg.eigh(A_tilde * root[:, None] * root[None, :], subset_by_index=[0, 0])
+    values, vectors = scipy.linalg.eigh(
+        A_tilde * root[:, None] * root[None, :], subset_by_index=[0, 0]
+    )
     value, x = float(values[0]), root * vectors[:, 0]
     residual, _ = extended_residual(value * c * x, A_tilde, x)
     return value, x, float(np.linalg.norm(root * residual)) / value if value > 0.0 else float("inf")
 
 
 def least_lowered(A_tilde: Array, c: Array, omega: Array) -> float:
-    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m]: above 0 every load has one solution; −∞ with a down-jump."""
+    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m]: above 0 every load has one solution; −∞ with a
+    down-jump."""
     if not np.all(np.isfinite(omega)):
         return -float("inf")
     return least_eigenvalue(A_tilde - np.diag(c * omega), c)

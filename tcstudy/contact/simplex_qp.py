@@ -1,16 +1,19 @@
-"""The quadratic subproblem of a bundle method, through its dual on the unit simplex, and the metric W in it.
+"""The quadratic subproblem of a bundle method, through its dual on the unit simplex, and the metric
+W in it.
 
 Primal:     min_q  ½qᵀWq + hᵀq + max_j (c_j + a_jᵀq),   W = LLᵀ symmetric positive definite
 Dual:       min_λ  ½‖Tᵀλ‖² − bᵀλ  over λ ≥ 0, Σλ_j = 1;   rows T_j = L⁻¹a_j, b = c − T L⁻¹h,
             q = −L⁻ᵀ(L⁻¹h + Tᵀλ)
 Method:     dual active set (Goldfarb & Idnani, Math. Programming 27 (1983)) on the orthogonal factors of the active
             rows; TTᵀ, whose condition number is the square of theirs, is never formed
-Literature: Lukšan & Vlček, Math. Programming 83 (1998), the direction-finding subproblem and its dual
+Literature: Lukšan & Vlček, Math. Programming 83 (1998), the direction-finding subproblem and its
+dual
 
-Consecutive subproblems differ little: with the old multipliers as the first working set most of them end after a few
-exchanges. Only rows in the working set are ever whitened; all others cost one product a_jᵀq. A working set never
-becomes dependent: a piece enters only where that pays before another one leaves, so that of many multipliers for the
-same q those of affinely independent pieces are found.
+Consecutive subproblems differ little: with the old multipliers as the first working set most of
+them end after a few exchanges. Only rows in the working set are ever whitened; all others cost one
+product a_jᵀq. A working set never becomes dependent: a piece enters only where that pays before
+another one leaves, so that of many multipliers for the same q those of affinely independent pieces
+are found.
 """
 
 from __future__ import annotations
@@ -50,7 +53,9 @@ class Metric:
 
     def whiten(self, vectors: Array) -> Array:
         """L⁻¹ applied to each row (or to one vector)."""
-        solved: Array = scipy.linalg.blas.dtrsm(1.0, self.factor, np.atleast_2d(vectors).T, lower=1).T
+        solved: Array = scipy.linalg.blas.dtrsm(
+            1.0, self.factor, np.atleast_2d(vectors).T, lower=1
+        ).T
         return solved if vectors.ndim == 2 else solved[0]
 
     def unwhiten(self, z: Array) -> Array:
@@ -60,23 +65,28 @@ class Metric:
 
 
 def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Metric:
-    """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and `least`.
+    """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and
+    `least`.
 
-    If H + (shift − floor)·I has a Cholesky factor, no eigenvalue needs a change, at a tenth of the cost. The floor
-    there uses the norm ‖H‖_∞ ≥ largest eigenvalue, so it errs to the side of the eigenvalues.
+    If H + (shift − floor)·I has a Cholesky factor, no eigenvalue needs a change, at a tenth of the
+    cost. The floor there uses the norm ‖H‖_∞ ≥ largest eigenvalue, so it errs to the side of the
+    eigenvalues.
     """
     floor = max(pivot * (float(np.max(np.sum(np.abs(H), axis=1))) + shift), least)
     W = H + shift * np.eye(len(H))
     if not (floor > 0.0 and cholesky(W - floor * np.eye(len(H)))[1] == 0):
         w, V = np.linalg.eigh(H)
         w = np.abs(w) + shift
-        floor = max(pivot * float(w.max()), least) or 1.0  # all slopes and curvatures 0: any W will do
+        floor = (
+            max(pivot * float(w.max()), least) or 1.0
+        )  # all slopes and curvatures 0: any W will do
         W = (V * np.maximum(w, floor)) @ V.T
     return Metric(W, cholesky(W.copy())[0])
 
 
 def dual_decrease(c: Array, A: Array, lam: Array, metric: Metric) -> float:
-    """½‖Σλ_j a_j‖²_{W⁻¹} − cᵀλ ≥ 0: no q lowers ½qᵀWq + max_j (c_j + a_jᵀq) by more (weak duality)."""
+    """½‖Σλ_j a_j‖²_{W⁻¹} − cᵀλ ≥ 0: no q lowers ½qᵀWq + max_j (c_j + a_jᵀq) by more (weak
+    duality)."""
     return float(0.5 * np.sum(metric.whiten(lam @ A) ** 2) - c @ lam)
 
 
@@ -88,9 +98,9 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
     h: (n,) slope of the smooth part
     likely: (N,) guess of the multipliers
 
-    The piece that lies above the active ones by the longest distance (value over slope) enters next. Ends where none
-    does by more than rounding or, since the last exchange, could enter for rounding; the answer is the one of least
-    duality gap on the way.
+    The piece that lies above the active ones by the longest distance (value over slope) enters
+    next. Ends where none does by more than rounding or, since the last exchange, could enter for
+    rounding; the answer is the one of least duality gap on the way.
     """
     start = np.flatnonzero(likely > ACTIVE)
     start = start if len(start) else np.array([int(np.argmax(c))])
@@ -120,10 +130,12 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
 
 
 class WorkingSet:
-    """Affinely independent pieces with positive multipliers, and orthogonal factors of their whitened slopes.
+    """Affinely independent pieces with positive multipliers, and orthogonal factors of their
+    whitened slopes.
 
-    Mᵀ = QR with rows M_j = (T_j, s) of the working set. Where Σλ = 1 the s adds a constant to ‖Mᵀλ‖², and it turns
-    affine independence into linear; it is of the size of the T_j, and only rounding depends on it.
+    Mᵀ = QR with rows M_j = (T_j, s) of the working set. Where Σλ = 1 the s adds a constant to
+    ‖Mᵀλ‖², and it turns affine independence into linear; it is of the size of the T_j, and only
+    rounding depends on it.
     """
 
     def __init__(self, c: Array, A: Array, h: Array, metric: Metric) -> None:
@@ -138,12 +150,15 @@ class WorkingSet:
         return bound
 
     def restart(self, index: Index, share: Array, least: float = 0.0) -> None:
-        """Take these pieces with the multipliers `share` > 0 of any sum, but none that depends on others."""
+        """Take these pieces with the multipliers `share` > 0 of any sum, but none that depends on
+        others."""
         T = self.metric.whiten(self.A[index])
         sizes = np.linalg.norm(T, axis=1)
         self.s = max(float(np.median(sizes)), least) or 1.0
         M = np.column_stack([T, np.full(len(T), self.s)])
-        factors = scipy.linalg.qr((M / np.linalg.norm(M, axis=1)[:, None]).T, mode="r", pivoting=True)
+        factors = scipy.linalg.qr(
+            (M / np.linalg.norm(M, axis=1)[:, None]).T, mode="r", pivoting=True
+        )
         kept = np.sort(factors[1][: int(np.sum(np.abs(np.diagonal(factors[0])) > DEPENDENT))])
         self.Q, self.R = scipy.linalg.qr(M[kept].T, mode="economic", check_finite=False)
         self.index, self.lam = index[kept], share[kept] / share[kept].sum()
@@ -155,9 +170,11 @@ class WorkingSet:
         return w + last * ((self.s * total - float(last @ w)) / float(last @ last))
 
     def minimum(self) -> tuple[Array, Array]:
-        """q and c + Aq at the minimum over the working set, which first loses the pieces that would need λ_j ≤ 0.
+        """q and c + Aq at the minimum over the working set, which first loses the pieces that would
+        need λ_j ≤ 0.
 
-        q = −L⁻ᵀ(L⁻¹h + Tᵀλ) may cancel, so it is refined until the active pieces are equal to rounding.
+        q = −L⁻ᵀ(L⁻¹h + Tᵀλ) may cancel, so it is refined until the active pieces are equal to
+        rounding.
         """
         while True:
             w = self.solve(self.b, 1.0)
@@ -177,7 +194,8 @@ class WorkingSet:
             z -= (self.Q @ self.solve(active, 0.0))[:-1]
 
     def walk(self, change: Array, longest: float) -> float:
-        """Move λ along `change` as far as `longest` or until a piece has no share left, which leaves; the length."""
+        """Move λ along `change` as far as `longest` or until a piece has no share left, which
+        leaves; the length."""
         steps = np.full(len(change), np.inf)
         falling = change < 0.0
         steps[falling] = self.lam[falling] / -change[falling]
@@ -186,16 +204,22 @@ class WorkingSet:
         t = float(steps[first]) if blocked else longest
         self.lam = np.maximum(self.lam + t * change, TINY)
         if blocked:
-            Q, R = scipy.linalg.qr_delete(self.Q, self.R, first, which="col", overwrite_qr=True, check_finite=False)
+            Q, R = scipy.linalg.qr_delete(
+                self.Q, self.R, first, which="col", overwrite_qr=True, check_finite=False
+            )
             k = len(self.index) - 1
             self.Q, self.R = Q[:, :k], R[:k]
-            self.index, self.lam, self.b = (np.delete(part, first) for part in (self.index, self.lam, self.b))
+            self.index, self.lam, self.b = (
+                np.delete(part, first) for part in (self.index, self.lam, self.b)
+            )
         return t
 
     def enter(self, piece: int) -> None:
-        """Raise the multiplier of a piece above the others from 0 until it joins them, while others vanish and leave.
+        """Raise the multiplier of a piece above the others from 0 until it joins them, while others
+        vanish and leave.
 
-        A dependent piece has no end of its own (bend = 0): one of the others vanishes first, as Σθ_j = 1.
+        A dependent piece has no end of its own (bend = 0): one of the others vanishes first, as
+        Σθ_j = 1.
         """
         T, share = self.metric.whiten(self.A[piece]), 0.0
         least = float(np.linalg.norm(T)) / STEEP

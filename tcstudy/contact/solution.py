@@ -1,27 +1,34 @@
-"""From an approximate solution to an exact one, by Newton on the pieces that its nodes are on; its derivatives.
+"""From an approximate solution to an exact one, by Newton on the pieces that its nodes are on; its
+derivatives.
 
-A solution of 0 ∈ Ãv − l̃ + ∂Ψ(v) puts every node either on an up-jump of b (v_i = kink, bitwise) or on one smooth
-piece k with (Ãv − l̃)_i + c_i b_k(v_i) = 0. Once every node's place is known the rest is a smooth system:
-one linear solve for a piecewise-linear law, a few Newton steps for exponential pieces. Whoever ends with it has
+A solution of 0 ∈ Ãv − l̃ + ∂Ψ(v) puts every node either on an up-jump of b (v_i = kink, bitwise) or
+on one smooth
+piece k with (Ãv − l̃)_i + c_i b_k(v_i) = 0. Once every node's place is known the rest is a smooth
+system:
+one linear solve for a piecewise-linear law, a few Newton steps for exponential pieces. Whoever ends
+with it has
 an inclusion residual at rounding level, whatever method came before.
-Method: active-set identification as in Hintermüller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865–888, without its
+Method: active-set identification as in Hintermüller, Ito & Kunisch, SIAM J. Optim. 13 (2002)
+865–888, without its
 globalisation; a start too far away is returned unchanged.
 
-Digits that double precision does not hold: the same Newton step (A_FF + C b_F′) d_F = (ξ − c b)_F with v as a sum of
-two doubles, ξ in twice the precision and the factor in one is iterative refinement (Wilkinson, Rounding Errors in
-Algebraic Processes, HMSO 1963). One step turns a residual of 1e-10 into 1e-14 where v keeps its low part, and into
-little less than it was where v is rounded to one double.
+Digits that double precision does not hold: the same Newton step (A_FF + C b_F′) d_F = (ξ − c b)_F
+with v as a sum of two doubles, ξ in twice the precision and the factor in one is iterative
+refinement (Wilkinson, Rounding Errors in Algebraic Processes, HMSO 1963). One step turns a residual
+of 1e-10 into 1e-14 where v keeps its low part, and into little less than it was where v is rounded
+to one double.
 
-A contact problem linearised at a solution says how this moves with the data, exactly, while its pieces stay. With F
-the nodes that slide, H = A_FF + diag(c b′) on their pieces and the others resting on kinks of b,
+A contact problem linearised at a solution says how this moves with the data, exactly, while its
+pieces stay. With F the nodes that slide, H = A_FF + diag(c b′) on their pieces and the others
+resting on kinks of b,
 
     dv_F = H⁻¹ (r_F − A_FR dv_R),   dv_R = ∂(kink)/∂p,   r = ∂l̃/∂p − (∂Ã/∂p) v − c ∂b/∂p.
 
 H is factorised once; a parameter then costs two triangular solves and a product, O(m²).
 
-v is continuous and piecewise smooth in the data. Where a node begins to slide, comes to rest or passes a kink, the
-derivatives of the two sides differ: such nodes are counted as events, and what is said is true of the pieces found.
-Where H is singular, at a fold, there is no derivative.
+v is continuous and piecewise smooth in the data. Where a node begins to slide, comes to rest or
+passes a kink, the derivatives of the two sides differ: such nodes are counted as events, and what
+is said is true of the pieces found. Where H is singular, at a fold, there is no derivative.
 """
 
 from __future__ import annotations
@@ -45,7 +52,8 @@ Index = NDArray[np.intp]
 _TINY = 2.0**-96
 """Rounding of sums in two doubles."""
 _STEPS = 20
-"""Most steps; two do where the nodes are on the right pieces, the others put nodes on other ones."""
+"""Most steps; two do where the nodes are on the right pieces, the others put nodes on other
+ones."""
 
 
 @dataclass(frozen=True)
@@ -78,18 +86,25 @@ def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> P
     to_left, to_right = law.piece(v, -1), law.piece(v, +1)
     pieces = np.where(low > 0.0, to_right, to_left), np.where(low < 0.0, to_left, to_right)
     (left, one), (right, other) = (friction_defect(law.numbers(k), c, (v, low), xi) for k in pieces)
-    size = np.abs(problem.l_tilde) + np.abs(problem.A_tilde) @ np.abs(v) + c * law.terms(v, pieces[1])
-    apart = np.maximum(np.minimum(left, right), -np.maximum(left, right)) + np.maximum(one, other) + _TINY * size
+    size = (
+        np.abs(problem.l_tilde) + np.abs(problem.A_tilde) @ np.abs(v) + c * law.terms(v, pieces[1])
+    )
+    apart = (
+        np.maximum(np.minimum(left, right), -np.maximum(left, right))
+        + np.maximum(one, other)
+        + _TINY * size
+    )
     return Point(v, low, *xi, problem.relative(np.maximum(apart, 0.0) / c, xi[0]))
 
 
 def identify(problem: ContactProblem, v: Array, xi: Array) -> tuple[Index, Index]:
-    """(m,) address of the up-jump on which a node rests, −1 for a free one; of the piece of a free node.
+    """(m,) address of the up-jump on which a node rests, −1 for a free one; of the piece of a free
+    node.
 
-    Predicted from v node by node with the others held. Candidates are the stationary point on the piece that v_i lies
-    in (one Newton step, if it stays in the piece) and the two adjacent up-jumps s with
-    c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺, where the node's own energy has a minimum. The nearest wins; without any the
-    node stays on its piece, on a kink on the descending side's.
+    Predicted from v node by node with the others held. Candidates are the stationary point on the
+    piece that v_i lies in (one Newton step, if it stays in the piece) and the two adjacent up-jumps
+    s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺, where the node's own energy has a minimum. The
+    nearest wins; without any the node stays on its piece, on a kink on the descending side's.
     """
     law, c, diagonal = problem.law, problem.c, np.diagonal(problem.A_tilde)
     at = law.locate(v)
@@ -108,7 +123,10 @@ def identify(problem: ContactProblem, v: Array, xi: Array) -> tuple[Index, Index
             candidate, force = law.locate(s).piece, xi - diagonal * move
             low, high = law.limits(candidate)
             closer = known & (c * low <= force) & (force <= c * high) & (np.abs(move) < nearest)
-            kink, nearest = np.where(closer, candidate, kink), np.where(closer, np.abs(move), nearest)
+            kink, nearest = (
+                np.where(closer, candidate, kink),
+                np.where(closer, np.abs(move), nearest),
+            )
     return kink, piece
 
 
@@ -145,18 +163,24 @@ def polished(problem: ContactProblem, v: Array, aim: float = 0.0, exact: bool = 
     return best
 
 
-def linear_solver(problem: ContactProblem, free: Index, slope: Array) -> Callable[[Array], Array] | None:
-    """x = (A_FF + diag(slope))⁻¹ rhs by Cholesky, by LU where the matrix is indefinite, None where it is singular."""
+def linear_solver(
+    problem: ContactProblem, free: Index, slope: Array
+) -> Callable[[Array], Array] | None:
+    """x = (A_FF + diag(slope))⁻¹ rhs by Cholesky, by LU where the matrix is indefinite, None where
+    it is singular."""
     factor, info = factor_free(problem.A_tilde, free, slope)
     if info == 0:
         return lambda rhs: scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0] if len(free) else rhs
-    lu, pivots, info = scipy.linalg.lapack.dgetrf(with_diagonal(problem.A_tilde, free, slope).T, overwrite_a=1)
+    lu, pivots, info = scipy.linalg.lapack.dgetrf(
+        with_diagonal(problem.A_tilde, free, slope).T, overwrite_a=1
+    )
     return (lambda rhs: scipy.linalg.lapack.dgetrs(lu, pivots, rhs)[0]) if info == 0 else None
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Points v + v_low (R, m) and ξ there; residuals, what rounding allows, whether solutions (R,)."""
+    """Points v + v_low (R, m) and ξ there; residuals, what rounding allows, whether solutions
+    (R,)."""
 
     v: Array
     v_low: Array
@@ -166,7 +190,9 @@ class Judged:
     accepted: NDArray[np.bool_]
 
 
-def judge(problem: ContactProblem, v: Array, acceptance: Acceptance, refine: bool = False) -> Judged:
+def judge(
+    problem: ContactProblem, v: Array, acceptance: Acceptance, refine: bool = False
+) -> Judged:
     """The inclusion test of rows v (R, m), in extended precision where rounding leaves it open.
 
     refine: what misses the aim is polished, in the end with v as a sum of two doubles
@@ -184,7 +210,8 @@ def judge(problem: ContactProblem, v: Array, acceptance: Acceptance, refine: boo
 
 
 EVENT = 1e-9
-"""How near an event is: of the largest |v| for a slip and its kink, of the scale of b for a traction and its bound."""
+"""How near an event is: of the largest |v| for a slip and its kink, of the scale of b for a
+traction and its bound."""
 SINGULAR = 1e-13
 """Reciprocal condition of H below which the solution is at a fold."""
 
@@ -219,7 +246,9 @@ class Linearised:
         # LU, since at an unstable solution H is indefinite; a zero pivot is judged by the condition
         lu, pivots, _ = scipy.linalg.lapack.dgetrf(H) if len(free) else (H, free, 0)
         singular = len(free) > 0 and bool(scipy.linalg.lapack.dgecon(lu, norm)[0] < SINGULAR)
-        return cls(problem, v, free, rest, piece, _events(problem, v, rests), singular, (lu, pivots))
+        return cls(
+            problem, v, free, rest, piece, _events(problem, v, rests), singular, (lu, pivots)
+        )
 
     @property
     def events(self) -> int:
@@ -227,7 +256,8 @@ class Linearised:
         return int(np.count_nonzero(self.near))
 
     def step(self, r: Array, kinks: Array | None = None) -> Array:
-        """(m,) dv/dp of a right side r (m,); kinks: (m,) ∂(kink)/∂p of the nodes that rest, 0 by default."""
+        """(m,) dv/dp of a right side r (m,); kinks: (m,) ∂(kink)/∂p of the nodes that rest, 0 by
+        default."""
         dv = np.zeros(len(self.v))
         rhs = r[self.free]
         if kinks is not None and np.any(kinks[self.rest]):
@@ -239,7 +269,8 @@ class Linearised:
 
 
 def _events(problem: ContactProblem, v: Array, rests: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(m,) nodes that slide at a kink, or rest with the traction at a bound of what the kink can bear."""
+    """(m,) nodes that slide at a kink, or rest with the traction at a bound of what the kink can
+    bear."""
     law = problem.law
     if not np.size(law.kinks):
         return np.zeros(len(v), dtype=bool)

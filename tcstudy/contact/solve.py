@@ -2,10 +2,13 @@
 
 Problems:  0 ∈ Ãv − l̃_p + ∂Ψ_p(v), Ψ_p(v) = Σ c_i j_p(v_i), p = 1..P with one Ã and c, own loads and laws
 Order:     1. unique or not, before any solution;
-           2. one descent of every point, nested over the coarse copies of the body that all points share;
+           2. one descent of every point, nested over the coarse copies of the body that all points
+             share;
            3. what is not unique: the certificate of a global minimum;
-           4. what has neither: the search for less energy (neighbours, frictionless start, envelopes, other nodes);
-           5. what is not solved yet: the plain starts, zero and the frictionless solution, on the body itself.
+           4. what has neither: the search for less energy (neighbours, frictionless start,
+             envelopes, other nodes);
+           5. what is not solved yet: the plain starts, zero and the frictionless solution, on the
+             body itself.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
 """
 
@@ -43,7 +46,8 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 TIE = 1e-12
-"""Relative difference of energies up to which two answers count as equally low; the earlier start then wins."""
+"""Relative difference of energies up to which two answers count as equally low; the earlier start
+then wins."""
 MOVES = 20
 """Moves of single nodes at most (trials needed two)."""
 FAR = 100.0
@@ -114,7 +118,8 @@ def solve_block(
     neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without one [m]
     exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest" [m]
     limits:     of the search for all solutions of every point, None if these are not asked for. Where they are proved
-                to be all, the answer is the one of least energy and certified to be; of exponential laws nothing more
+                to be all, the answer is the one of least energy and certified to be; of exponential
+                laws nothing more
                 is said than of their polygon, which is another problem
     prove:      False if only the solutions are wanted, with no more proofs than the search for them needs
     """
@@ -149,7 +154,10 @@ class SolutionBlock:
         self.neighbours = np.full((count, m), np.nan) if neighbours is None else neighbours
         self.v, self.energy = np.zeros((count, m)), np.full(count, np.inf)
         self.solved = np.zeros(count, dtype=bool)
-        self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
+        self.start, self.energies = (
+            np.zeros(count, dtype=np.int8),
+            np.full((count, len(START_NAMES)), np.nan),
+        )
         self.steps = np.zeros(count, dtype=np.intp)
         self.smooth = ContactProblem.on(rows.body, rows.l_tilde, rows.law.without_narrow_pieces)
         self.aim = min(TOLERANCE, self.acceptance.aim)
@@ -158,7 +166,8 @@ class SolutionBlock:
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero.
 
-        A neighbour that is a solution is not moved at all: a descent would leave one that is no minimum.
+        A neighbour that is a solution is not moved at all: a descent would leave one that is no
+        minimum.
         """
         known = np.all(np.isfinite(self.neighbours), axis=1) & (self.branch == "continued")
         near, far = np.flatnonzero(known), np.flatnonzero(~known)
@@ -171,14 +180,22 @@ class SolutionBlock:
         zero, minima = np.zeros((len(far), self.rows.body.m)), self.branch != "lowest"
         self.begin_from(far, zero, ZERO, nested=True, minima=minima)
 
-    def begin_from(self, points: Index, v: Array, start: int, nested: bool = False, minima: bool = True) -> Index:
-        """Descend from v (n, m), keep and certify what has less energy, and return the points left without proof."""
-        ended = (descend_nested if nested else descend)(self.smooth.take(points), v, self.aim, minima)
+    def begin_from(
+        self, points: Index, v: Array, start: int, nested: bool = False, minima: bool = True
+    ) -> Index:
+        """Descend from v (n, m), keep and certify what has less energy, and return the points left
+        without proof."""
+        ended = (descend_nested if nested else descend)(
+            self.smooth.take(points), v, self.aim, minima
+        )
         self.offer(points, ended.v, ended.residual, start, ended.steps)
         return self.unproved(points)
 
-    def offer(self, points: Index, v: Array, residual: Array, start: int, steps: Index | int = 0) -> Flags:
-        """Keep and certify ends (n, m) of different points that have less energy; whether each has (n,)."""
+    def offer(
+        self, points: Index, v: Array, residual: Array, start: int, steps: Index | int = 0
+    ) -> Flags:
+        """Keep and certify ends (n, m) of different points that have less energy; whether each has
+        (n,)."""
         rows, energy = self.rows.take(points), self.rows.take(points).energy(v)
         accepted = residual <= self.acceptance.aim
         doubtful = np.flatnonzero(~accepted)
@@ -219,7 +236,8 @@ class SolutionBlock:
         self.move(np.setdiff1d(left, points[done]))
 
     def move(self, points: Index) -> None:
-        """Moves of single nodes as long as they lower the energy; the first promise of two that does is kept."""
+        """Moves of single nodes as long as they lower the energy; the first promise of two that
+        does is kept."""
         points = points[self.solved[points]]
         for _ in range(MOVES):
             if not len(points):
@@ -241,10 +259,13 @@ class SolutionBlock:
             points = np.flatnonzero(~self.solved)
             if len(points):
                 loads = self.rows.l_tilde[points]
-                self.begin_from(points, loads @ body.inverse if start == FRICTIONLESS else 0.0 * loads, start)
+                self.begin_from(
+                    points, loads @ body.inverse if start == FRICTIONLESS else 0.0 * loads, start
+                )
 
     def begin_at(self, exact: Array) -> None:
-        """Newton's method on the pieces that the exact solution is on; unique solutions are known."""
+        """Newton's method on the pieces that the exact solution is on; unique solutions are
+        known."""
         only = self.solved & self.proofs.unique
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
@@ -252,9 +273,12 @@ class SolutionBlock:
             self.offer(np.array([p]), end.v[None], np.array([end.residual]), EXACT)
 
     def take_least(self, solutions: Sequence[Equilibria]) -> None:
-        """The least of all solutions of every point, where these are proved to be all of the law itself."""
+        """The least of all solutions of every point, where these are proved to be all of the law
+        itself."""
         known = kept(self.rows.body.A_error) == 1.0
-        proved = np.array([known and one.complete and not one.law_error for one in solutions], dtype=bool)
+        proved = np.array(
+            [known and one.complete and not one.law_error for one in solutions], dtype=bool
+        )
         least = np.array([one.energy[0] if len(one) else np.inf for one in solutions])
         higher = self.energy > least + TIE * np.maximum(np.abs(least), np.abs(self.energy))
         changed = np.flatnonzero(proved & (~self.solved | higher))
@@ -280,9 +304,19 @@ class SolutionBlock:
         missed = otherwise or (Status.INCLUSION_VIOLATED, STALLED)
         if otherwise is None and loose:
             missed = Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE
-        numbers = zip(judged.residual.tolist(), judged.rounding.tolist(), judged.accepted.tolist(), strict=True)
-        reasons = tuple("" if good else failure(x, noise, self.acceptance, missed[1]) for x, noise, good in numbers)
-        proved = self.proofs.certificate(judged.v, judged.residual, judged.accepted) if prove else None
+        numbers = zip(
+            judged.residual.tolist(),
+            judged.rounding.tolist(),
+            judged.accepted.tolist(),
+            strict=True,
+        )
+        reasons = tuple(
+            "" if good else failure(x, noise, self.acceptance, missed[1])
+            for x, noise, good in numbers
+        )
+        proved = (
+            self.proofs.certificate(judged.v, judged.residual, judged.accepted) if prove else None
+        )
         return Answer(
             v=judged.v,
             v_low=judged.v_low,
@@ -308,7 +342,8 @@ STALLED = (
 
 
 def failure(residual: float, rounding: float, acceptance: Acceptance, otherwise: str) -> str:
-    """Why an answer misses the tolerance and what to try; more steps do not help against rounding."""
+    """Why an answer misses the tolerance and what to try; more steps do not help against
+    rounding."""
     limit = acceptance.limit(rounding)
     missed = f"inclusion residual {residual:.1e} above the tolerance {limit:.1e}"
     if limit < residual <= FAR * rounding:
@@ -322,7 +357,8 @@ def failure(residual: float, rounding: float, acceptance: Acceptance, otherwise:
 ACCURACY = 1e-12
 """Residual that methods work for, whatever larger one is accepted."""
 SEMIDEFINITE = 1e-9
-"""Negative eigenvalues up to this part of the largest entry of Ã are rounding: the body lies loose."""
+"""Negative eigenvalues up to this part of the largest entry of Ã are rounding: the body lies
+loose."""
 UNFIT = (
     "the pieces of the law on which the method ended do not hold to that accuracy; raise solver.tolerance or try the "
     "other solver"
@@ -344,15 +380,19 @@ def solve_contact(
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (scene/study.py)
     max_iterations: steps of bundle-newton, None for its own limit; separable-newton has one of its own
     branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour, beside
-               the exact one and, unless the best of them seems global or the solver is bundle-newton, by the escape
-               phase the lowest found; "continued": from the neighbour, without leaving its basin on purpose,
-               and not moved at all if it is a solution; "from-zero": from zero. These two try zero, the frictionless
+               the exact one and, unless the best of them seems global or the solver is
+               bundle-newton, by the escape
+               phase the lowest found; "continued": from the neighbour, without leaving its basin on
+               purpose,
+               and not moved at all if it is a solution; "from-zero": from zero. These two try zero,
+               the frictionless
                solution and the neighbour, too, but only where theirs fails
     neighbour: (m,) a solution of a neighbouring problem, if there is one
     exact:     (m,) the exact solution at the contact nodes, where it is known; its own branch may be a saddle
 
-    An answer that misses the tolerance is solved again to higher accuracy, in the end with v as a sum of two doubles;
-    one that still misses it is returned as failed, with its residual. Raises ValueError for an unknown solver.
+    An answer that misses the tolerance is solved again to higher accuracy, in the end with v as a
+    sum of two doubles; one that still misses it is returned as failed, with its residual. Raises
+    ValueError for an unknown solver.
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
@@ -364,29 +404,39 @@ def solve_contact(
     if not all(np.all(np.isfinite(x)) for x in (problem.A_tilde, problem.l_tilde, problem.c)):
         return unsolved(problem, Status.NOT_FINITE, NOT_FINITE, np.nan)
     rows = problem.rows
-    if rows.body.loose and np.linalg.eigvalsh(problem.A_tilde)[0] < -SEMIDEFINITE * np.max(np.abs(problem.A_tilde)):
+    if rows.body.loose and np.linalg.eigvalsh(problem.A_tilde)[0] < -SEMIDEFINITE * np.max(
+        np.abs(problem.A_tilde)
+    ):
         return unsolved(problem, Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE, 0.0)
     near = None if near is None else near[None]
-    return solve_block(rows.body, rows.l_tilde, rows.law, branch, tolerance, near, exact, prove=False).row(0)
+    return solve_block(
+        rows.body, rows.l_tilde, rows.law, branch, tolerance, near, exact, prove=False
+    ).row(0)
 
 
 def unsolved(problem: ContactProblem, status: Status, reason: str, energy: float) -> Answer:
     """The answer to a problem without nodes, or to one that cannot be solved."""
     v, residual = np.full(problem.m, 0.0 * energy), 0.0 if status == Status.CONVERGED else np.inf
     none = np.full(len(START_NAMES), np.nan)
-    return Answer(v, 0.0 * v, 0.0 * v, residual, 0.0, False, energy, status, reason, ZERO, none, 0, 0)
+    return Answer(
+        v, 0.0 * v, 0.0 * v, residual, 0.0, False, energy, status, reason, ZERO, none, 0, 0
+    )
 
 
 def nearest_minimum(
     problem: ContactProblem, v: Array, tolerance: float, over_barriers: bool = True
 ) -> tuple[Array, int]:
-    """(minimum to which descent leads from v (m,), steps); over no barriers: laws of straight pieces."""
-    ended = descend(problem.rows, v[None].copy(), tolerance, minima=True, downhill=not over_barriers)
+    """(minimum to which descent leads from v (m,), steps); over no barriers: laws of straight
+    pieces."""
+    ended = descend(
+        problem.rows, v[None].copy(), tolerance, minima=True, downhill=not over_barriers
+    )
     return ended.v[0], int(ended.steps[0])
 
 
 def as_it_is(problem: ContactProblem, v: Array, tolerance: float | None = None) -> Answer | None:
-    """v as `solve_contact` has it where it starts from a solution, without its energies; None if v is none."""
+    """v as `solve_contact` has it where it starts from a solution, without its energies; None if v
+    is none."""
     acceptance = Acceptance(tolerance)
     one = judge(problem.rows, v[None], acceptance, refine=True)
     if not one.residual[0] <= acceptance.aim:
@@ -406,10 +456,14 @@ def _by_bundle(
     neighbour: Array | None,
     exact: Array | None,
 ) -> Answer:
-    """The least solution from all starts, or the first; what fails has the least residual, and work is summed."""
+    """The least solution from all starts, or the first; what fails has the least residual, and work
+    is summed."""
     from tcstudy.contact.bundle import solve_with_bundle  # needs the QP library
 
-    block, here = SolutionBlock(problem.rows, branch, acceptance.tolerance, prove=False), np.zeros(1, dtype=np.intp)
+    block, here = (
+        SolutionBlock(problem.rows, branch, acceptance.tolerance, prove=False),
+        np.zeros(1, dtype=np.intp),
+    )
     tried, missed, least = list[Outcome](), None, np.inf
     starts = [(ZERO, np.zeros(problem.m))]
     if not problem.rows.body.loose:  # a body that can move freely has no frictionless solution
@@ -417,10 +471,16 @@ def _by_bundle(
     if neighbour is not None:
         starts.insert(0 if branch == "continued" else len(starts), (NEIGHBOUR, neighbour))
     for start, x0 in starts:
-        tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, min(ACCURACY, acceptance.aim)))
+        tried.append(
+            outcome := solve_with_bundle(problem, x0, max_iterations, min(ACCURACY, acceptance.aim))
+        )
         judged = judge(problem.rows, outcome.x[None], acceptance, refine=True)
         if missed is None or judged.residual[0] < least:
-            missed = (Status.INCLUSION_VIOLATED, UNFIT) if outcome.converged else (outcome.status, outcome.reason)
+            missed = (
+                (Status.INCLUSION_VIOLATED, UNFIT)
+                if outcome.converged
+                else (outcome.status, outcome.reason)
+            )
             least = judged.residual[0]
             block.energy[~block.solved] = np.inf  # so that it takes the place of what has more
         block.offer(here, judged.v, judged.residual, start)
@@ -428,5 +488,7 @@ def _by_bundle(
             break
     if branch == "lowest" and exact is not None:
         block.begin_at(exact)
-    work = {name: sum(getattr(one, name) for one in tried) for name in ("iterations", "evaluations")}
+    work = {
+        name: sum(getattr(one, name) for one in tried) for name in ("iterations", "evaluations")
+    }
     return replace(block.answer(prove=False, otherwise=missed).row(0), **work)

@@ -1,16 +1,19 @@
 """Files that are complete or not there at all; what an existing one is, and where it comes from.
 
-A file is written aside in the same directory, brought to the disk (fsync) and renamed over the old one, so that
-a crash, a full disk or a power cut leaves the old file as it was, and a reader of the old file keeps it.
+A file is written aside in the same directory, brought to the disk (fsync) and renamed over the old
+one, so that a crash, a full disk or a power cut leaves the old file as it was, and a reader of the
+old file keeps it.
 
-A result file ends in a seal, a SHA-256 of all bytes before it, which tells without the netCDF library that tcstudy
-wrote the file and that no byte has changed since. It ignores what follows the end that a file states; a program that
-changes the file cuts the seal off. A file whose seal is broken is refused; one without a seal is read, which is told.
+A result file ends in a seal, a SHA-256 of all bytes before it, which tells without the netCDF
+library that tcstudy wrote the file and that no byte has changed since. It ignores what follows the
+end that a file states; a program that changes the file cuts the seal off. A file whose seal is
+broken is refused; one without a seal is read, which is told.
 
-Its global attributes are the study's text, command, versions, commit; by them it also tells which command wrote it and
-which results it holds, so that two studies do not overwrite each other and none is computed twice. Nothing of a machine
-is recorded: absolute paths are cut to the file name. What one must know of a result before using it is told when it is
-found, kept in the file, and told again by its readers: as a StudyWarning.
+Its global attributes are the study's text, command, versions, commit; by them it also tells which
+command wrote it and which results it holds, so that two studies do not overwrite each other and
+none is computed twice. Nothing of a machine is recorded: absolute paths are cut to the file name.
+What one must know of a result before using it is told when it is found, kept in the file, and told
+again by its readers: as a StudyWarning.
 """
 
 from __future__ import annotations
@@ -64,7 +67,8 @@ def put_seal(file: Path) -> None:
 
 
 def seal_of(file: Path) -> bool | None:
-    """Whether a file is as it was written; None if it has no seal: changed, cut, or a stranger's. Raises OSError."""
+    """Whether a file is as it was written; None if it has no seal: changed, cut, or a stranger's.
+    Raises OSError."""
     now = file.stat()
     return _seal_of(os.path.realpath(file), now.st_size, now.st_ino, now.st_mtime_ns)
 
@@ -97,12 +101,22 @@ PARTIAL = ".partial"
 """What the journal of a run adds to the name of its output."""
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
 """How netCDF-4 and older netCDF files begin."""
-_FAULTS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError, RuntimeError, Warning)
+_FAULTS = (
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    OSError,
+    RuntimeError,
+    Warning,
+)
 """What reading and drawing values that do not fit together may raise."""
 
 
 def is_foreign(file: Path) -> bool:
-    """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss. Raises OSError."""
+    """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss.
+    Raises OSError."""
     if not file.is_file() or not file.stat().st_size or seal_of(file) is not None:
         return False
     try:
@@ -112,25 +126,36 @@ def is_foreign(file: Path) -> bool:
 
 
 def attributes(path: Path) -> dict[str, Any]:
-    """The global attributes of a complete result file. Raises StoreError if it is none, or damaged."""
+    """The global attributes of a complete result file. Raises StoreError if it is none, or
+    damaged."""
     if path.is_dir():
         raise StoreError(f"{path} is a directory; name a file in it")
     if not path.exists():
         if path.with_name(path.name + PARTIAL).exists():
-            raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")
+            raise StoreError(
+                f"{path} is not there yet: its run has not finished. Run the study again to resume it"
+            )
         raise StoreError(f"there is no file {path}. Run the study first, or check the name")
     if not path.is_file():
         raise StoreError(f"{path} is no file but a device or a pipe; name a result file")
     if path.suffix in (".yaml", ".yml"):
-        raise StoreError(f"{path} is a study and not its results; name the .nc file that its run wrote")
+        raise StoreError(
+            f"{path} is a study and not its results; name the .nc file that its run wrote"
+        )
     try:
         found = _attributes(path)
     except Unreadable as error:
-        raise StoreError(f"{path} is no netCDF file or is cut short or damaged ({error}). {ANEW}") from error
+        raise StoreError(
+            f"{path} is no netCDF file or is cut short or damaged ({error}). {ANEW}"
+        ) from error
     except (OSError, RuntimeError) as error:
-        raise StoreError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+        raise StoreError(
+            f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
+        ) from error
     if not _says_ours(found):
-        raise StoreError(f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {ANEW}")
+        raise StoreError(
+            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {ANEW}"
+        )
     return found
 
 
@@ -149,7 +174,10 @@ def _attributes(path: Path) -> dict[str, Any]:
         if seal:
             raise
         raise Unreadable(getattr(error, "strerror", None) or str(error)) from error
-    return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
+    return {
+        name: value.tolist() if hasattr(value, "tolist") else value
+        for name, value in values.items()
+    }
 
 
 def change_of(path: Path) -> str:
@@ -161,8 +189,9 @@ def change_of(path: Path) -> str:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """For the time of a `with` that reads a result file: raises StoreError if the file is none, or if something fails
-    on one that has changed since tcstudy wrote it, which is told. What fails on a whole file passes as it is."""
+    """For the time of a `with` that reads a result file: raises StoreError if the file is none, or
+    if something fails on one that has changed since tcstudy wrote it, which is told. What fails on
+    a whole file passes as it is."""
     if not (change := change_of(path)):
         yield
         return
@@ -183,15 +212,19 @@ def _says_ours(found: dict[str, Any]) -> bool:
 
 
 LONGEST_NAME = 255 - 32
-"""Bytes of a name, such that the names of files written beside the output remain below the 255 of file systems."""
+"""Bytes of a name, such that the names of files written beside the output remain below the 255 of
+file systems."""
 ROOM = 3
-"""Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
+"""Free disk that must be there, as a multiple of the expected file (old and new stand side by
+side)."""
 STALE = 3600.0
 """Seconds without a byte more after which nobody is at work on a file."""
 PROTECTED = "the file is write-protected"
 
 
-def replace_file(path: Path, make: Callable[[Path], object], kept: str = "", sealed: bool = True) -> None:
+def replace_file(
+    path: Path, make: Callable[[Path], object], kept: str = "", sealed: bool = True
+) -> None:
     """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
 
     kept:   what of the work is not lost if that fails, for the message
@@ -225,13 +258,14 @@ def replace_file(path: Path, make: Callable[[Path], object], kept: str = "", sea
 def aside_of(path: Path) -> Path:
     """Where this process writes the file that is to take the place of `path`."""
     target = Path(os.path.realpath(path))
-    host = f"{zlib.crc32(platform.node().encode()):08x}"  # processes of several machines may have one number
+    # processes of several machines may have one number
+    host = f"{zlib.crc32(platform.node().encode()):08x}"
     return target.with_name(f".{target.name}.{host}-{os.getpid()}.tmp")
 
 
 def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
-    """Why `path` could not take a result file of this size, None for any other file; empty if it can.
-    Leaves nothing behind."""
+    """Why `path` could not take a result file of this size, None for any other file; empty if it
+    can. Leaves nothing behind."""
     try:
         fault = _fault(path, expected_bytes)
     except (OSError, ValueError) as error:  # no UTF-8 text, as netCDF needs it, or a NUL character
@@ -240,14 +274,18 @@ def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
 
 
 def _fault(path: Path, expected_bytes: int | None) -> str:
-    if (longest := max(len(part.encode()) for part in (*path.parts, ""))) > LONGEST_NAME:  # names aside are longer
+    if (
+        longest := max(len(part.encode()) for part in (*path.parts, ""))
+    ) > LONGEST_NAME:  # names aside are longer
         what = f"has a part of {longest} bytes; names of results may have {LONGEST_NAME}"
         return f"{shortened(printable(str(path)))} {what}; choose a shorter output"
     target = Path(os.path.realpath(path))
     existing = next(p for p in target.parents if p.exists())
     if path.name in ("", "..") or target.is_dir():
         return f"{path} is a directory; give the name of a file in it"
-    if str(path).startswith("~"):  # netCDF would write to the home directory, other libraries beside the study
+    if str(path).startswith(
+        "~"
+    ):  # netCDF would write to the home directory, other libraries beside the study
         return f"{path} begins with ~, which only a shell knows as a home directory; write the directory out"
     if what := special_file(path):
         return f"{path} is {what}, no file; choose another output"
@@ -263,9 +301,14 @@ def _fault(path: Path, expected_bytes: int | None) -> str:
         return ""
     if is_foreign(target):
         return f"{path} exists and is no result file; it would be lost: remove it or choose another output"
-    free, needed = (f"{number / 1e6:.3g} MB" for number in (shutil.disk_usage(existing).free, ROOM * expected_bytes))
+    free, needed = (
+        f"{number / 1e6:.3g} MB"
+        for number in (shutil.disk_usage(existing).free, ROOM * expected_bytes)
+    )
     if shutil.disk_usage(existing).free < ROOM * expected_bytes:
-        remedy = "free some space, choose another output or ask for less (fields: false, fewer levels)"
+        remedy = (
+            "free some space, choose another output or ask for less (fields: false, fewer levels)"
+        )
         return f"{existing} has {free} free, but the results need {needed} while they are written; {remedy}"
     return ""
 
@@ -277,13 +320,18 @@ def special_file(path: Path) -> str:
         mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
         return ""
-    kinds = {stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device"}
+    kinds = {
+        stat.S_ISFIFO: "a pipe",
+        stat.S_ISSOCK: "a socket",
+        stat.S_ISCHR: "a device",
+        stat.S_ISBLK: "a device",
+    }
     return next((name for is_kind, name in kinds.items() if is_kind(mode)), "")
 
 
 def remove_stale(path: Path, alone: bool = False) -> None:
-    """Remove what killed writers of `path` left aside: what has not grown for STALE seconds, or, for the holder of the
-    lock of `path`, all of it."""
+    """Remove what killed writers of `path` left aside: what has not grown for STALE seconds, or,
+    for the holder of the lock of `path`, all of it."""
     target = Path(os.path.realpath(path))
     left = re.compile(rf"\.{re.escape(target.name)}\.[0-9a-f]{{8}}-[0-9]{{1,10}}\.tmp")
     for name in os.listdir(target.parent) if target.parent.is_dir() else ():
@@ -301,16 +349,23 @@ def sync_directory(directory: Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems know no such thing
+        if error.errno not in (
+            errno.EINVAL,
+            errno.ENOTSUP,
+        ):  # some network file systems know no such thing
             raise
     finally:
         os.close(descriptor)
 
 
 def write_dataset(
-    path: Path, attributes: Mapping[str, Any], fill: Callable[[netCDF4.Dataset], None], kept: str = ""
+    path: Path,
+    attributes: Mapping[str, Any],
+    fill: Callable[[netCDF4.Dataset], None],
+    kept: str = "",
 ) -> None:
-    """Write a result file, replacing an old one in one step: its global attributes, then what `fill` puts into it.
+    """Write a result file, replacing an old one in one step: its global attributes, then what
+    `fill` puts into it.
 
     kept: as in `replace_file`
     Raises StoreError if it cannot be written; the old one is then untouched.
@@ -319,7 +374,8 @@ def write_dataset(
     import netCDF4
 
     def make(aside: Path) -> None:
-        aside.touch()  # which tells of a directory without permission; netCDF4 says that of a full disk, too
+        # which tells of a directory without permission; netCDF4 says that of a full disk, too
+        aside.touch()
         try:
             nc = netCDF4.Dataset(aside, "w", format="NETCDF4")
         except OSError as error:
@@ -334,7 +390,8 @@ def write_dataset(
 
 
 def _protected(path: Path) -> bool:
-    # by the mode, not by os.access: renaming over a file needs no right to write it, and root may do anything
+    # by the mode, not by os.access: renaming over a file needs no right to write it, and root may
+    # do anything
     return path.exists() and not path.stat().st_mode & 0o222
 
 
@@ -342,23 +399,28 @@ def _cause(error: Exception) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
-# -- where a result comes from, and what it holds ------------------------------------------------------
+# -- where a result comes from, and what it holds
+# ------------------------------------------------------
 
 CONVENTIONS = "CF-1.11"
-REFERENCES = "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"
+REFERENCES = (
+    "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"
+)
 PACKAGES = ("numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy")
 NUMERICS = ("numpy", "scipy", "ngsolve", "netgen-mesher", "tcstudy")
-"""Packages whose version can change a result (meshes are equal across runs, not across versions)."""
+"""Packages whose version can change a result (meshes are equal across runs, not across
+versions)."""
 GIT_TIMEOUT = 5.0
 """Seconds that git may take, for example on a slow network disk."""
 WARNINGS, SHORTFALLS = "warnings", "shortfalls"
-"""Global attributes: the warnings as a JSON list of objects, without one if there are none; what of a path is not as it
-was asked for, one sentence a line."""
+"""Global attributes: the warnings as a JSON list of objects, without one if there are none; what of
+a path is not as it was asked for, one sentence a line."""
 
 
 @dataclass(frozen=True)
 class Remark:
-    """A warning as data: what it says, and of which geometry, point or level in words; of all if that is empty."""
+    """A warning as data: what it says, and of which geometry, point or level in words; of all if
+    that is empty."""
 
     text: str
     where: str = ""
@@ -368,8 +430,12 @@ class Remark:
 
 
 def remarks_of(attributes: Mapping[str, Any]) -> list[Remark]:
-    """The warnings in the global attributes of a file; files from before there were any have none."""
-    stored = [Remark(str(one["text"]), str(one["where"])) for one in json.loads(attributes.get(WARNINGS, "[]"))]
+    """The warnings in the global attributes of a file; files from before there were any have
+    none."""
+    stored = [
+        Remark(str(one["text"]), str(one["where"]))
+        for one in json.loads(attributes.get(WARNINGS, "[]"))
+    ]
     return stored + [Remark(line) for line in str(attributes.get(SHORTFALLS, "")).splitlines()]
 
 
@@ -383,7 +449,9 @@ def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()
     command: the words of the command line;  remarks: warnings that the file keeps"""
     date = datetime.now(UTC).isoformat(timespec="seconds")
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
-    words = re.sub(r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command)))  # of python -m
+    words = re.sub(
+        r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command))
+    )  # of python -m
     told = [{"text": without_paths(one.text), "where": one.where} for one in remarks]
     return {
         "Conventions": CONVENTIONS,
@@ -396,7 +464,11 @@ def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()
         "solver_tolerance": Acceptance(study.solver.tolerance).aim,
         "unit_system": study.units,
         "sweep_mode": study.mode,
-        **({f"design_{name}": value for name, value in asdict(study.design).items()} if study.design else {}),
+        **(
+            {f"design_{name}": value for name, value in asdict(study.design).items()}
+            if study.design
+            else {}
+        ),
         "study_yaml": study.text,
         "study_sha256": study_sha256(study),
         "overrides": "\n".join(without_directories(study.overrides)),
@@ -408,8 +480,8 @@ def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()
 
 
 def study_sha256(study: Study) -> str:
-    """SHA-256 of all that decides the results: YAML text, overrides, and the bytes of its geometry files.
-    Without overrides and geometry files it is the checksum of the YAML file."""
+    """SHA-256 of all that decides the results: YAML text, overrides, and the bytes of its geometry
+    files. Without overrides and geometry files it is the checksum of the YAML file."""
     digest = hashlib.sha256(study.text.encode())
     for override in study.overrides:
         digest.update(b"\0" + override.encode())
@@ -422,21 +494,26 @@ def study_sha256(study: Study) -> str:
 
 
 def program() -> str:
-    """All of the program that can change a result, as JSON: versions of its packages and the content of its own."""
+    """All of the program that can change a result, as JSON: versions of its packages and the
+    content of its own."""
     return json.dumps({**package_versions(NUMERICS), "content": content_sha256()})
 
 
 @cache
 def content_sha256() -> str:
-    """SHA-256 of this package's modules, names and texts: a version number does not change with every edit."""
+    """SHA-256 of this package's modules, names and texts: a version number does not change with
+    every edit."""
     package, digest = Path(__file__).parents[1], hashlib.sha256()
     for file in sorted(package.rglob("*.py")):
-        digest.update(b"\0" + file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes())
+        digest.update(
+            b"\0" + file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes()
+        )
     return digest.hexdigest()
 
 
 def package_versions(names: Iterable[str]) -> dict[str, str]:
-    """Installed versions by package name, without importing the packages; "unknown" if there is none."""
+    """Installed versions by package name, without importing the packages; "unknown" if there is
+    none."""
     return {name: _version(name) for name in names}
 
 
@@ -449,7 +526,8 @@ def _version(name: str) -> str:
 
 
 def git_commit(source: Path | None) -> str:
-    """Commit of the checkout that holds the study file, "-dirty" if it does not hold the study as run."""
+    """Commit of the checkout that holds the study file, "-dirty" if it does not hold the study as
+    run."""
     if source is None:
         return "unknown"
     directory = source.resolve().parent
@@ -457,7 +535,9 @@ def git_commit(source: Path | None) -> str:
     if commit is None or commit.endswith("-dirty"):
         return commit or "unknown"
     return (
-        commit if _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None else f"{commit}-dirty"
+        commit
+        if _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None
+        else f"{commit}-dirty"
     )
 
 
@@ -481,7 +561,8 @@ def _git(directory: Path, *arguments: str) -> str | None:
 
 
 def without_directories(words: Iterable[str]) -> tuple[str, ...]:
-    """Words of a command or override; an absolute path, alone or after "=", is cut to its last part."""
+    """Words of a command or override; an absolute path, alone or after "=", is cut to its last
+    part."""
     return tuple("=".join(_file_name(part) for part in word.split("=")) for word in words)
 
 
@@ -506,7 +587,8 @@ CONTENT = "content"
 
 
 def kind_of(path: Path) -> Kind:
-    """The command whose file this is. Raises StoreError if there is no file or it is not complete."""
+    """The command whose file this is. Raises StoreError if there is no file or it is not
+    complete."""
     return kind_from(attributes(path))
 
 
@@ -522,7 +604,9 @@ def holds(path: Path, kind: Kind, study: Study | None, **asked: Any) -> bool:
     kind: the command;  study: of which, None for any;  asked: global attributes that its options decide
     Raises StoreError if the file holds something else, or is damaged.
     """
-    if not path.is_file() or not path.stat().st_size or is_foreign(path):  # a foreign one is told of elsewhere
+    if (
+        not path.is_file() or not path.stat().st_size or is_foreign(path)
+    ):  # a foreign one is told of elsewhere
         return False
     try:
         found = attributes(path)
@@ -545,11 +629,18 @@ def holds(path: Path, kind: Kind, study: Study | None, **asked: Any) -> bool:
 
 
 def already_there(path: Path, study: Study) -> list[str]:
-    """Notes on results that a run of the study would find in its output; a history goes on with what it finds."""
+    """Notes on results that a run of the study would find in its output; a history goes on with
+    what it finds."""
     if study.kind == "history":
         return []
     try:
-        there = holds(path, study.kind, study, **({"data_sha256": study.fit.sha256} if study.fit else {}))
+        there = holds(
+            path, study.kind, study, **({"data_sha256": study.fit.sha256} if study.fit else {})
+        )
     except StoreError as error:
         return [f"a run would stop here: {error}"]
-    return [f"{path} holds these results already; a run ends at once, --force computes them again"] if there else []
+    return (
+        [f"{path} holds these results already; a run ends at once, --force computes them again"]
+        if there
+        else []
+    )

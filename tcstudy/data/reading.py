@@ -1,7 +1,9 @@
-"""Finished files read: as xarray has them, and back as the records that they were written of, to the bit.
+"""Finished files read: as xarray has them, and back as the records that they were written of, to
+the bit.
 
-For studies that grow or are mended: what is read here goes through the one writer again. Not here: which
-study a file has (`tcstudy.study.append`), and the group `live`, which is made of the whole sweep.
+For studies that grow or are mended: what is read here goes through the one writer again. Not here:
+which study a file has (`tcstudy.study.append`), and the group `live`, which is made of the whole
+sweep.
 """
 
 from __future__ import annotations
@@ -32,16 +34,19 @@ if TYPE_CHECKING:
 def open_results(path: Path) -> xarray.DataTree:
     """Open a result file lazily; close it after use or open it in a `with`.
 
-    Raises StoreError if there is no file, if it is not a result file or if its run has not finished.
+    Raises StoreError if there is no file, if it is not a result file or if its run has not
+    finished.
     """
     attributes(path)
-    import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
+    # here, because a run needs no xarray and its import takes longer than writing the file
+    import xarray
 
     return xarray.open_datatree(path, engine="netcdf4")
 
 
 def open_root(path: Path, group: str = "") -> xarray.Dataset:
-    """The same of the root alone, or of one group, in the order of the file: of many geometries it takes less time."""
+    """The same of the root alone, or of one group, in the order of the file: of many geometries it
+    takes less time."""
     attributes(path)
     import xarray
 
@@ -49,7 +54,8 @@ def open_root(path: Path, group: str = "") -> xarray.Dataset:
 
 
 def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
-    """The whole root group of a result file. Raises StoreError if it is none, or none of this kind."""
+    """The whole root group of a result file. Raises StoreError if it is none, or none of this
+    kind."""
     if kind is not None and (found := kind_of(path)) != kind:
         raise StoreError(f"{path} holds a {found}, not a {kind}; use tcstudy show")
     with open_root(path) as data:
@@ -60,25 +66,33 @@ def refuse_geometries(attributes: Mapping[Any, Any], what: str) -> None:
     """Raise StoreError for a file of several geometries where one is needed."""
     if GEOMETRIES in attributes:
         how = "run the study for one, with --set and that value in place of the swept ones"
-        raise StoreError(f"the file has {attributes[GEOMETRIES]} geometries, and {what} is of one; {how}")
+        raise StoreError(
+            f"the file has {attributes[GEOMETRIES]} geometries, and {what} is of one; {how}"
+        )
 
 
 def sweep_dims(data: Any) -> list[str]:
-    """Dimensions of the sweep of an opened result file (its root dataset); none where it has one point."""
+    """Dimensions of the sweep of an opened result file (its root dataset); none where it has one
+    point."""
     return [str(dim) for dim in data["status"].dims if dim not in ("level", "step")]
 
 
 def each_point(data: Any) -> list[dict[str, int]]:
     """Index along each sweep dimension of every point, in C order."""
     dims = sweep_dims(data)
-    return [dict(zip(dims, index, strict=True)) for index in product(*(range(data.sizes[d]) for d in dims))]
+    return [
+        dict(zip(dims, index, strict=True))
+        for index in product(*(range(data.sizes[d]) for d in dims))
+    ]
 
 
 def by_point(values: Any, data: Any) -> NDArray[Any]:
     """(P, …) values of a variable that lies along the sweep of `data`, its points in C order."""
     dims = sweep_dims(data)
     own = values.transpose(*dims, ...)
-    flat: NDArray[Any] = own.values.reshape(math.prod(own.shape[: len(dims)]), *own.shape[len(dims) :])
+    flat: NDArray[Any] = own.values.reshape(
+        math.prod(own.shape[: len(dims)]), *own.shape[len(dims) :]
+    )
     return flat
 
 
@@ -89,21 +103,32 @@ def axis_names(data: Any) -> list[str]:
 
 
 ASKED = ("force_", "work_", "section_force_", "probe_", "reaction_", "theta_mean_", "von_mises_")
-"""How the names of numbers that `output.probes` and `output.quantities` ask for begin (data.schema)."""
+"""How the names of numbers that `output.probes` and `output.quantities` ask for begin
+(data.schema)."""
 
 
 def asked(data: Any) -> list[str]:
-    """Names of these numbers in a run's data, in the order of the file; a load `force_x` of a history is none."""
+    """Names of these numbers in a run's data, in the order of the file; a load `force_x` of a
+    history is none."""
     loads = str(data.attrs.get("loads", "")).split()
-    return [str(name) for name in data.data_vars if str(name).startswith(ASKED) and name not in loads]
+    return [
+        str(name) for name in data.data_vars if str(name).startswith(ASKED) and name not in loads
+    ]
 
 
 def of_largest(data: Any) -> Any:
-    """The table of a run with one number for what a level has once: of several geometries the largest."""
+    """The table of a run with one number for what a level has once: of several geometries the
+    largest."""
     if GEOMETRIES not in data.attrs:
         return data
-    names = [name for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble") if name in data]
-    return data.assign({name: data[name].max([d for d in data[name].dims if d != "level"]) for name in names})
+    names = [
+        name
+        for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
+        if name in data
+    ]
+    return data.assign(
+        {name: data[name].max([d for d in data[name].dims if d != "level"]) for name in names}
+    )
 
 
 Values = NDArray[Any]
@@ -124,8 +149,13 @@ def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
 def read_level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
     """The record of a level, without what a page needs to solve by itself. nc: file or geometry"""
     i = int(group.level)
-    values: dict[str, Any] = {name: group[name][...] for name in ("arclength", "x", "y", "c", "edge")}
-    values |= {name: nc[name][i].item() for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")}
+    values: dict[str, Any] = {
+        name: group[name][...] for name in ("arclength", "x", "y", "c", "edge")
+    }
+    values |= {
+        name: nc[name][i].item()
+        for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
+    }
     meanings = str(getattr(group["edge"], "flag_meanings", ""))
     return LevelRecord(
         level=i,
@@ -140,14 +170,20 @@ def read_level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
     )
 
 
-def read_blocks(nc: netCDF4.Dataset, study: Study, places: Places, wanted: NDArray[np.bool_]) -> Iterator[BlockRecord]:
+def read_blocks(
+    nc: netCDF4.Dataset, study: Study, places: Places, wanted: NDArray[np.bool_]
+) -> Iterator[BlockRecord]:
     """The points of a file, or of one of its geometries, as blocks of another study.
 
     places: (P,) where the points of the file, in its order, stand in the sweep of `study`
     wanted: (points of study, levels) which of them are given; those that were not run never are
     """
     shape, levels = nc["status"].shape[:-1], nc["status"].shape[-1]
-    along = [v.name for v in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS) if SWEEP in v.dims]
+    along = [
+        v.name
+        for v in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS)
+        if SWEEP in v.dims
+    ]
     for level in range(levels):
         line = nc.groups.get(f"level_{level}")
         for cut, start, stop in tiles(shape, tile_shape(shape, _points(line))):
@@ -163,7 +199,11 @@ def read_blocks(nc: netCDF4.Dataset, study: Study, places: Places, wanted: NDArr
             names = [v.name for v in numbers(study) if v.name in nc.variables]
             own = {name: by_point(nc[name][(*cut, level)])[rows] for name in names}
             if line is not None:
-                own |= {name: by_point(line[name][cut])[rows] for name in along if name in line.variables}
+                own |= {
+                    name: by_point(line[name][cut])[rows]
+                    for name in along
+                    if name in line.variables
+                }
             yield BlockRecord(
                 *(level, study.shape, at[rows], status[rows]),
                 reasons={row: str(one) for row, one in enumerate(words) if one},
@@ -177,30 +217,46 @@ def read_blocks(nc: netCDF4.Dataset, study: Study, places: Places, wanted: NDArr
 
 
 def _every(group: netCDF4.Group | None, places: Places, rows: Places) -> dict[str, Values]:
-    """All solutions of these points of the file, if it has them; places: where all its points stand in the sweep."""
+    """All solutions of these points of the file, if it has them; places: where all its points stand
+    in the sweep."""
     if group is None or "solution_point" not in group.variables:
         return {}
     of = np.asarray(group["solution_point"][...])
     own = np.isin(of, rows)
-    return {v.name: group[v.name][...][own] for v in schema.SOLUTION} | {"solution_point": places[of[own]]}
+    return {v.name: group[v.name][...][own] for v in schema.SOLUTION} | {
+        "solution_point": places[of[own]]
+    }
 
 
 def _points(group: netCDF4.Group | None) -> int:
     """How many points may be in memory at a time."""
-    widths = [1] if group is None else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
+    widths = (
+        [1]
+        if group is None
+        else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
+    )
     return max(1, VALUES // max(32, *widths))
 
 
 def places_in(study: Study, other: Study) -> Places:
-    """(P,) where the points of another study with the same axes stand in this one, in C order of both; −1: nowhere."""
+    """(P,) where the points of another study with the same axes stand in this one, in C order of
+    both; −1: nowhere."""
     if not study.axes:
         return np.zeros(1, dtype=np.intp)
     own = {point: i for i, point in enumerate(points_of(study, study, lambda axis: axis.labels))}
-    return np.array([own.get(point, -1) for point in points_of(other, study, lambda axis: axis.labels)], dtype=np.intp)
+    return np.array(
+        [own.get(point, -1) for point in points_of(other, study, lambda axis: axis.labels)],
+        dtype=np.intp,
+    )
 
 
-def points_of(study: Study, order: Study, of: Callable[[Axis], Iterable[Any]]) -> Iterator[tuple[Any, ...]]:
-    """What every point has of the axes, these in the order of another study, in C order of the points."""
-    at = [next(i for i, axis in enumerate(study.axes) if axis.path == one.path) for one in order.axes]
+def points_of(
+    study: Study, order: Study, of: Callable[[Axis], Iterable[Any]]
+) -> Iterator[tuple[Any, ...]]:
+    """What every point has of the axes, these in the order of another study, in C order of the
+    points."""
+    at = [
+        next(i for i, axis in enumerate(study.axes) if axis.path == one.path) for one in order.axes
+    ]
     every = product if study.mode == "grid" else zip
     return (tuple(point[i] for i in at) for point in every(*map(of, study.axes)))

@@ -1,13 +1,16 @@
-"""What a run hands to the store: blocks of solved points of a level, and what a level knows of its contact line.
+"""What a run hands to the store: blocks of solved points of a level, and what a level knows of its
+contact line.
 
-A block is a few arrays, because a point of a long sweep costs less to solve than a record of its own costs to keep.
-As a row of the journal a record is its scalars as JSON, its arrays as their bytes, and a checksum over both.
+A block is a few arrays, because a point of a long sweep costs less to solve than a record of its
+own costs to keep. As a row of the journal a record is its scalars as JSON, its arrays as their
+bytes, and a checksum over both.
 
-The journal keeps finished points while a run goes on, in an SQLite file `<output>.partial` beside the output. A record
-is in it when `add` returns, whatever becomes of the process. It is brought to the disk at once unless others were less
-than SYNC_SECONDS before, so that a power cut takes at most those that the system had not written by itself. The file is
-locked for as long as its process lives (SQLite's exclusive mode): two runs cannot share an output. A journal of another
-study, of other versions of the numerics, or a damaged one is set aside, never deleted.
+The journal keeps finished points while a run goes on, in an SQLite file `<output>.partial` beside
+the output. A record is in it when `add` returns, whatever becomes of the process. It is brought to
+the disk at once unless others were less than SYNC_SECONDS before, so that a power cut takes at most
+those that the system had not written by itself. The file is locked for as long as its process lives
+(SQLite's exclusive mode): two runs cannot share an output. A journal of another study, of other
+versions of the numerics, or a damaged one is set aside, never deleted.
 """
 
 from __future__ import annotations
@@ -26,7 +29,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import PARTIAL, program, remove_stale, special_file, study_sha256, sync_directory
+from tcstudy.data.files import (
+    PARTIAL,
+    program,
+    remove_stale,
+    special_file,
+    study_sha256,
+    sync_directory,
+)
 from tcstudy.errors import StoreError, shortened
 from tcstudy.scene.study import Study
 
@@ -42,7 +52,8 @@ class LevelRecord:
     edge:       (m,) index into edge_names of the contact edge that a node lies on
     time_mesh, time_assemble: wall time of this level's mesh and matrices [s]
     fields:     mesh arrays for whole-body fields if they are asked for: "node_x", "node_y" (n,), "triangle" (t, 3), and
-                the held ends of Γ_C and the joints of its edges if it has some (data.schema.HELD, JOINTS)
+                the held ends of Γ_C and the joints of its edges if it has some (data.schema.HELD,
+                JOINTS)
     stop:       why refinement ended on this level, in words; empty if it went on or there was nothing to decide
     """
 
@@ -72,9 +83,10 @@ class BlockRecord:
     numbers: (P,) by variable name (see data.schema), (P, k) where there is one for each start or solver; NaN is missing
     u_T, xi: (P, m) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa], NaN in rows that failed before; None
             if all did
-    sticks: (P, m) 1 where the node rests on an up-jump of the friction law, else 0; −1 where that is not known
-    fields: (P, n) whole-body nodal fields by name, NaN in rows without; only if asked for
-    solutions: all solutions of all points, if they are asked for, by the names of data.schema.SOLUTION
+    sticks: (P, m) 1 where the node rests on an up-jump of the friction law, else 0; −1 where that
+    is not known fields: (P, n) whole-body nodal fields by name, NaN in rows without; only if asked
+    for solutions: all solutions of all points, if they are asked for, by the names of
+    data.schema.SOLUTION
     """
 
     level: int
@@ -94,7 +106,11 @@ class BlockRecord:
 
     def index(self, row: int) -> tuple[int, ...]:
         """Position of a point along each dimension of the sweep."""
-        return tuple(int(i) for i in np.unravel_index(self.points[row], self.shape)) if self.shape else ()
+        return (
+            tuple(int(i) for i in np.unravel_index(self.points[row], self.shape))
+            if self.shape
+            else ()
+        )
 
 
 Row = tuple[str, int, int, int, str, bytes, int]
@@ -111,17 +127,32 @@ GROUPS = ("numbers", "fields", "solutions")
 
 
 def encode(record: BlockRecord | LevelRecord, body: int = 0) -> Row:
-    """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the other.
-    body: of a sweep over geometries, which it is of"""
+    """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the
+    other. body: of a sweep over geometries, which it is of"""
     values = vars(record)
     groups = {name: values[name] for name in GROUPS if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
-    arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
-    scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
+    arrays |= {
+        f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()
+    }
+    scalars = {
+        name: v
+        for name, v in values.items()
+        if name not in arrays and name not in groups and v is not None
+    }
     layout = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
     text = json.dumps([scalars, layout], default=lambda numpy_scalar: numpy_scalar.item())
-    kind, place = ("level", 0) if isinstance(record, LevelRecord) else ("block", int(record.points[0]))
-    return checked(kind, body, place, int(record.level), text, b"".join(map(np.ndarray.tobytes, arrays.values())))
+    kind, place = (
+        ("level", 0) if isinstance(record, LevelRecord) else ("block", int(record.points[0]))
+    )
+    return checked(
+        kind,
+        body,
+        place,
+        int(record.level),
+        text,
+        b"".join(map(np.ndarray.tobytes, arrays.values())),
+    )
 
 
 def record_of(row: Row) -> Any:
@@ -129,13 +160,17 @@ def record_of(row: Row) -> Any:
     (scalars, layout), own, start = json.loads(row[4]), dict[str, Any](), 0
     for name, dtype, shape in layout:
         group, _, key = name.rpartition(".")
-        array = np.ndarray(tuple(shape), dtype, row[5], start)  # a view: nobody writes into a record
+        array = np.ndarray(
+            tuple(shape), dtype, row[5], start
+        )  # a view: nobody writes into a record
         (own.setdefault(group, {}) if group else own)[key] = array
         start += array.nbytes
     if row[0] == "level":
         return LevelRecord(**scalars | {"edge_names": tuple(scalars["edge_names"])}, **own)
     reasons = {int(i): words for i, words in scalars["reasons"].items()}
-    return BlockRecord(**{"numbers": {}} | scalars | {"shape": tuple(scalars["shape"]), "reasons": reasons} | own)
+    return BlockRecord(
+        **{"numbers": {}} | scalars | {"shape": tuple(scalars["shape"]), "reasons": reasons} | own
+    )
 
 
 SYNC_SECONDS = 0.25
@@ -146,7 +181,8 @@ SELECT = "SELECT kind, body, place, level, scalars, arrays, crc FROM record"
 _TABLES = (
     "CREATE TABLE record (kind TEXT, body INTEGER, place INTEGER, level INTEGER, scalars TEXT NOT NULL, "
     "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, body, place, level))",
-    "CREATE INDEX bodies ON record (body)",  # in which the rows of a body stand in the order of rowid: none are sorted
+    # in which the rows of a body stand in the order of rowid: none are sorted
+    "CREATE INDEX bodies ON record (body)",
 )
 _OBSTACLES = (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL, sqlite3.SQLITE_CANTOPEN)
 _FAULTS = (sqlite3.DatabaseError, ValueError, TypeError, LookupError, AttributeError, OverflowError)
@@ -159,14 +195,17 @@ class Journal:
     warnings: sentences for the user, for example that an old journal was set aside
     """
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, warnings: Sequence[str] = ()) -> None:
+    def __init__(
+        self, path: Path, connection: sqlite3.Connection, warnings: Sequence[str] = ()
+    ) -> None:
         self.path, self.warnings = path, warnings
         self._connection, self._synced, self._closed = connection, -SYNC_SECONDS, False
 
     @classmethod
     def open(cls, output: Path, study: Study) -> Journal:
         """Create the journal of `output`, or resume it if it is of the same study and numerics.
-        Raises StoreError if another run is writing to the same output or the directory cannot be written."""
+        Raises StoreError if another run is writing to the same output or the directory cannot be
+        written."""
         path = Path(os.path.realpath(output))
         path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
         try:
@@ -186,7 +225,8 @@ class Journal:
         return cls(path, connection, warnings)
 
     def add(self, record: BlockRecord | LevelRecord, body: int = 0) -> None:
-        """Keep a record of a body; a second one of the same place replaces it. Raises StoreError if it cannot."""
+        """Keep a record of a body; a second one of the same place replaces it. Raises StoreError if
+        it cannot."""
         due = time.monotonic() - self._synced > SYNC_SECONDS
         try:
             self._connection.execute(f"PRAGMA synchronous = {'FULL' if due else 'NORMAL'}")
@@ -201,7 +241,8 @@ class Journal:
         return sorted(self._records("level", body), key=lambda level: level.level)
 
     def blocks(self, body: int = 0) -> Iterator[BlockRecord]:
-        """All its blocks as they finished, read one by one: whole-body fields need not fit into memory."""
+        """All its blocks as they finished, read one by one: whole-body fields need not fit into
+        memory."""
         return self._records("block", body)
 
     def _records(self, kind: str, body: int) -> Iterator[Any]:
@@ -209,7 +250,8 @@ class Journal:
         return map(record_of, self._connection.execute(f"{SELECT} {where}", (body, kind)))
 
     def close(self) -> None:
-        """Bring all to the disk and give up the lock; the journal stays for a later run. Twice does no harm."""
+        """Bring all to the disk and give up the lock; the journal stays for a later run. Twice does
+        no harm."""
         self._closed = True
         self._connection.close()
 
@@ -235,7 +277,8 @@ LEAST = 512
 
 
 def connect(path: Path, header: str) -> tuple[sqlite3.Connection, str]:
-    """An open, locked journal, and why it is not one with this header ("" if it is). Raises StoreError."""
+    """An open, locked journal, and why it is not one with this header ("" if it is). Raises
+    StoreError."""
     if what := special_file(path):
         raise StoreError(f"{path} is {what}, no file. Remove it or {OTHER}")
     connection: sqlite3.Connection | None = None
@@ -244,14 +287,22 @@ def connect(path: Path, header: str) -> tuple[sqlite3.Connection, str]:
             return sqlite3.connect(":memory:"), "is damaged (too short for a journal)"
         connection = sqlite3.connect(path, timeout=0.2, isolation_level=None)
         # locked before anything is judged: what another run is writing must not be set aside
-        for statement in ("PRAGMA locking_mode = EXCLUSIVE", "PRAGMA journal_mode = WAL", "BEGIN EXCLUSIVE"):
+        for statement in (
+            "PRAGMA locking_mode = EXCLUSIVE",
+            "PRAGMA journal_mode = WAL",
+            "BEGIN EXCLUSIVE",
+        ):
             connection.execute(statement)
         return connection, _look_into(connection, header)
     except _FAULTS as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         # SQLite also calls a file with a damaged header read-only
         forbidden = code == sqlite3.SQLITE_READONLY and not os.access(path, os.W_OK)
-        if connection is not None and not forbidden and code not in (sqlite3.SQLITE_BUSY, *_OBSTACLES):
+        if (
+            connection is not None
+            and not forbidden
+            and code not in (sqlite3.SQLITE_BUSY, *_OBSTACLES)
+        ):
             line = (str(error).splitlines() or [type(error).__name__])[0]
             return connection, f"is damaged ({shortened(line, 100)})"
         if connection is not None:
@@ -259,11 +310,14 @@ def connect(path: Path, header: str) -> tuple[sqlite3.Connection, str]:
         if code == sqlite3.SQLITE_BUSY:
             what = f"another run is writing to the same output ({path} is locked)"
             raise StoreError(f"{what}. Wait for it or {OTHER}") from error
-        raise StoreError(f"cannot use the journal {path}: {error}. Make room there or {OTHER}") from error
+        raise StoreError(
+            f"cannot use the journal {path}: {error}. Make room there or {OTHER}"
+        ) from error
 
 
 def _look_into(connection: sqlite3.Connection, header: str) -> str:
-    """Begin an empty journal; say why a filled one is not of this run. Raises one of _FAULTS if it is damaged."""
+    """Begin an empty journal; say why a filled one is not of this run. Raises one of _FAULTS if it
+    is damaged."""
     if not connection.execute("SELECT name FROM sqlite_master").fetchall():
         for statement in _TABLES:
             connection.execute(statement)
@@ -283,7 +337,8 @@ def _look_into(connection: sqlite3.Connection, header: str) -> str:
 
 
 def alone(connection: sqlite3.Connection) -> None:
-    """Let all of a journal stand in its one file, without SQLite's own beside it, so far as it is sound."""
+    """Let all of a journal stand in its one file, without SQLite's own beside it, so far as it is
+    sound."""
     with suppress(sqlite3.Error):
         connection.rollback()
         connection.execute("PRAGMA journal_mode = DELETE")
@@ -301,7 +356,9 @@ def set_aside(path: Path, connection: sqlite3.Connection) -> Path:
     try:
         os.rename(path, kept)
     except OSError as error:
-        raise StoreError(f"cannot set {path} aside: {error.strerror}. Remove it or {OTHER}") from error
+        raise StoreError(
+            f"cannot set {path} aside: {error.strerror}. Remove it or {OTHER}"
+        ) from error
     finally:
         connection.close()
     return kept

@@ -1,16 +1,20 @@
-"""The one writer: how variables get into a netCDF-4 file, and the file of a run, complete or not there at all.
+"""The one writer: how variables get into a netCDF-4 file, and the file of a run, complete or not
+there at all.
 
-A small variable lies in one piece, because chunks of their own would cost it more than its values; the seal of the file
-is its checksum. A large one lies in compressed chunks with a checksum each. A chunk over the sweep is a tile: tiles
-follow one another in C order and each is a run of points, so that a sweep can be written, and read, from front to back.
+A small variable lies in one piece, because chunks of their own would cost it more than its values;
+the seal of the file is its checksum. A large one lies in compressed chunks with a checksum each. A
+chunk over the sweep is a tile: tiles follow one another in C order and each is a run of points, so
+that a sweep can be written, and read, from front to back.
 
-The file of a run is written once, from the records of the journal. Values by point are gathered in parts, runs of
-tiles, as many at a time as MEMORY holds; blocks come in any order, so that each time all of them are looked through.
+The file of a run is written once, from the records of the journal. Values by point are gathered in
+parts, runs of tiles, as many at a time as MEMORY holds; blocks come in any order, so that each time
+all of them are looked through.
 
-The file of a sweep over geometries has one table of all points, with what a level has (h_max, n_dof, times) by
-point, and a group geometry_i with all that the file of a run of that geometry alone has, also /level_0, … with
-profiles and fields, whose lengths differ from mesh to mesh. A point of a refused geometry has the status mesh_failed
-and its reason; such a geometry has no group, and −1 stands in place of its number in the variable `geometry`, by point.
+The file of a sweep over geometries has one table of all points, with what a level has (h_max,
+n_dof, times) by point, and a group geometry_i with all that the file of a run of that geometry
+alone has, also /level_0, … with profiles and fields, whose lengths differ from mesh to mesh. A
+point of a refused geometry has the status mesh_failed and its reason; such a geometry has no group,
+and −1 stands in place of its number in the variable `geometry`, by point.
 """
 
 from __future__ import annotations
@@ -56,20 +60,26 @@ if TYPE_CHECKING:
 
 Places = NDArray[np.intp]
 GEOMETRIES, OWN_POINT = "geometries", "own_point"
-"""Global attribute of a file of a sweep over geometries: how many it has; what the dimension `point` is in a group of
-one, where it has another length."""
+"""Global attribute of a file of a sweep over geometries: how many it has; what the dimension
+`point` is in a group of one, where it has another length."""
 _GEOMETRY = re.compile(r"/geometry_\d+")
 _WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
 NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), _WHAT)
 
 
 def sweep_dims(study: Study, *axes: Axis) -> tuple[str, ...]:
-    """Names of the dimensions of these axes, or of the whole sweep in the order of `study.shape`."""
-    return tuple(dict.fromkeys(axis_name(axis) if study.mode == "grid" else POINT for axis in axes or study.axes))
+    """Names of the dimensions of these axes, or of the whole sweep in the order of
+    `study.shape`."""
+    return tuple(
+        dict.fromkeys(
+            axis_name(axis) if study.mode == "grid" else POINT for axis in axes or study.axes
+        )
+    )
 
 
 def names_of(where: netCDF4.Dataset, variable: FileVariable, study: Study) -> tuple[str, ...]:
-    """Names of the dimensions of a variable in a group; a list of points within a geometry has another length."""
+    """Names of the dimensions of a variable in a group; a list of points within a geometry has
+    another length."""
     own = OWN_POINT if _GEOMETRY.match(where.path) else POINT
     return tuple(own if name == POINT else name for name in expand(variable.dims, study))
 
@@ -80,7 +90,8 @@ def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
 
 
 def axis_name(axis: Axis) -> str:
-    """Name of a swept parameter in the file: its own, or its path where a result has that name ("heat_omega")."""
+    """Name of a swept parameter in the file: its own, or its path where a result has that name
+    ("heat_omega")."""
     return "_".join(axis.path) if axis.name in RESERVED else axis.name
 
 
@@ -106,7 +117,12 @@ SMALL = 2**16
 """Bytes up to which a variable lies in one piece."""
 CHUNK = 2**20
 """Bytes of a chunk at most."""
-COMPRESSED: dict[str, Any] = {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True}
+COMPRESSED: dict[str, Any] = {
+    "compression": "zlib",
+    "complevel": 1,
+    "shuffle": True,
+    "fletcher32": True,
+}
 Shape = tuple[int, ...]
 
 
@@ -126,34 +142,50 @@ def tiles(shape: Shape, tile: Shape) -> Iterator[tuple[tuple[slice, ...], int, i
     """(slices, first place, place after the last) of every tile; places count points in C order."""
     start = 0
     for index in np.ndindex(*(math.ceil(n / t) for n, t in zip(shape, tile, strict=True))):
-        cut = tuple(slice(i * t, min((i + 1) * t, n)) for i, t, n in zip(index, tile, shape, strict=True))
+        cut = tuple(
+            slice(i * t, min((i + 1) * t, n)) for i, t, n in zip(index, tile, shape, strict=True)
+        )
         stop = start + math.prod(s.stop - s.start for s in cut)
         yield cut, start, stop
         start = stop
 
 
-def define(where: netCDF4.Dataset, variable: FileVariable, study: Study, chunk: Shape = ()) -> netCDF4.Variable:
-    """Make a variable whose dimensions are there, unless it is there. chunk: of a large one; () for usual ones."""
+def define(
+    where: netCDF4.Dataset, variable: FileVariable, study: Study, chunk: Shape = ()
+) -> netCDF4.Variable:
+    """Make a variable whose dimensions are there, unless it is there. chunk: of a large one; () for
+    usual ones."""
     if variable.name in where.variables:
         return where[variable.name]
     dims, sizes, text = names_of(where, variable, study), dimensions(where), variable.dtype == "str"
-    shape, width = tuple(sizes[name] for name in dims), 16 if text else np.dtype(variable.dtype).itemsize
+    shape, width = (
+        tuple(sizes[name] for name in dims),
+        16 if text else np.dtype(variable.dtype).itemsize,
+    )
     how: dict[str, Any] = {} if text or not math.prod(shape) else {"contiguous": True}
     if large := width * math.prod(shape) > SMALL:  # HDF5 has no filters for scalars and texts
-        how = {"chunksizes": chunk or tile_shape(shape, CHUNK // width), **({} if text else COMPRESSED)}
+        how = {
+            "chunksizes": chunk or tile_shape(shape, CHUNK // width),
+            **({} if text else COMPRESSED),
+        }
     kind = str if text else variable.dtype
     new = where.createVariable(variable.name, kind, dims, fill_value=variable.fill_value, **how)
     if large:
-        new.set_var_chunk_cache(size=2 * CHUNK)  # the library's own would keep the greater part of the file in memory
+        new.set_var_chunk_cache(
+            size=2 * CHUNK
+        )  # the library's own would keep the greater part of the file in memory
     new.setncatts(attributes(variable, study))
     return new
 
 
-def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any) -> netCDF4.Variable:
-    """Make a variable, or write its values if it is there; dimensions come with the first variable that has them.
+def put(
+    where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any
+) -> netCDF4.Variable:
+    """Make a variable, or write its values if it is there; dimensions come with the first variable
+    that has them.
 
-    All of a file are made before values are written: the first one written after a definition makes the library look
-    through the whole file.
+    All of a file are made before values are written: the first one written after a definition makes
+    the library look through the whole file.
     """
     array = np.asarray(values, dtype=object if variable.dtype == "str" else variable.dtype)
     for name, size in zip(names_of(where, variable, study), array.shape, strict=True):
@@ -166,8 +198,14 @@ def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: An
     return new
 
 
-def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: Mapping[str, Any], study: Study) -> None:
-    """Make, then write, the variables that `values` has by name; edge_names are the contact edges of `edge`."""
+def put_all(
+    where: netCDF4.Dataset,
+    variables: Iterable[FileVariable],
+    values: Mapping[str, Any],
+    study: Study,
+) -> None:
+    """Make, then write, the variables that `values` has by name; edge_names are the contact edges
+    of `edge`."""
     for variable in variables:
         if variable.name in values:
             new = put(where, variable, study, values[variable.name])
@@ -176,8 +214,11 @@ def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: M
 
 
 def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
-    """Sizes of the dimensions of a group, with those that it has from the groups above, up to its geometry."""
-    above = {} if where.parent is None or _GEOMETRY.fullmatch(where.path) else dimensions(where.parent)
+    """Sizes of the dimensions of a group, with those that it has from the groups above, up to its
+    geometry."""
+    above = (
+        {} if where.parent is None or _GEOMETRY.fullmatch(where.path) else dimensions(where.parent)
+    )
     return above | {name: int(dim.size) for name, dim in where.dimensions.items()}
 
 
@@ -187,7 +228,12 @@ def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
         labels, dims = axis_labels(axis), sweep_dims(study, axis)
         kind: Dtype = "str" if labels.dtype == object else "f8"
         extra = axis_attributes(axis)
-        put(nc, FileVariable(axis_name(axis), kind, axis.units, "", dims, extra=extra, coordinate=True), study, labels)
+        put(
+            nc,
+            FileVariable(axis_name(axis), kind, axis.units, "", dims, extra=extra, coordinate=True),
+            study,
+            labels,
+        )
 
 
 def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
@@ -207,7 +253,11 @@ def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
     if study.mode == "list" and SWEEP in variable.dims:
         names = (extra.get("coordinates", ""), *(axis_name(axis) for axis in study.axes))
         extra["coordinates"] = " ".join(names).strip()
-    named = {"long_name": long_name} if variable.dtype == "str" else {"long_name": long_name, "units": units}
+    named = (
+        {"long_name": long_name}
+        if variable.dtype == "str"
+        else {"long_name": long_name, "units": units}
+    )
     return named | extra
 
 
@@ -225,7 +275,8 @@ def sweep_points(study: Study) -> xarray.Dataset:
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 MEMORY = 2**26
-"""Bytes of results that the writer holds at a time; a longer sweep takes several passes over its records."""
+"""Bytes of results that the writer holds at a time; a longer sweep takes several passes over its
+records."""
 KEPT = "finished points are kept in the journal"
 
 
@@ -233,7 +284,8 @@ KEPT = "finished points are kept in the journal"
 class Results:
     """What a run has of a body, for a file or a group of it.
 
-    levels, blocks: read anew whenever they are called, so that they need not fit into memory; of two records of one
+    levels, blocks: read anew whenever they are called, so that they need not fit into memory; of
+    two records of one
                 point the last one counts, and points without any stay "not run"
     attributes: global ones (`tcstudy.data.files`)
     """
@@ -252,7 +304,8 @@ def write(
 ) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
-    geometries: of a sweep over geometries, those that have a mesh, by number; `whole` has the points of the others
+    geometries: of a sweep over geometries, those that have a mesh, by number; `whole` has the
+    points of the others
     done: called when all is read, before the old file goes
     Returns how many solutions were sought, on all levels, and how many of them failed.
 
@@ -270,7 +323,14 @@ def write(
             for block in own.blocks():
                 points = study.variants[number].places[block.points]
                 yield replace(
-                    block, points=points, shape=study.shape, u_T=None, xi=None, sticks=None, fields={}, solutions={}
+                    block,
+                    points=points,
+                    shape=study.shape,
+                    u_T=None,
+                    xi=None,
+                    sticks=None,
+                    fields={},
+                    solutions={},
                 )
 
     def make(nc: netCDF4.Dataset) -> None:
@@ -280,7 +340,9 @@ def write(
             groups[-1][0].setncatts({**own.attributes, FINISHED: np.int32(1)})
         for _ in ("made", "written"):
             left = [_put_once(group, own, bodies) for group, own in groups]
-        counts.extend(_put_points(group, own, parts) for (group, own), parts in zip(groups, left, strict=True))
+        counts.extend(
+            _put_points(group, own, parts) for (group, own), parts in zip(groups, left, strict=True)
+        )
         done()
 
     number = {GEOMETRIES: len(study.variants)} if study.variants else {}
@@ -304,8 +366,11 @@ class Record:
 
 
 def write_record(path: Path, study: Study, record: Record, attributes: Mapping[str, Any]) -> None:
-    """Write a record to `path`, replacing an old file in one step; raises StoreError if that is not possible."""
-    texts = {name: without_paths(v) if isinstance(v, str) else v for name, v in record.attributes.items()}
+    """Write a record to `path`, replacing an old file in one step; raises StoreError if that is not
+    possible."""
+    texts = {
+        name: without_paths(v) if isinstance(v, str) else v for name, v in record.attributes.items()
+    }
 
     def make(nc: netCDF4.Dataset) -> None:
         values = dict(record.values)
@@ -340,12 +405,17 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
 
 def numbers(study: Study) -> list[FileVariable]:
     """Those that a block of points has numbers of."""
-    return [v for v in root_variables(study) if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason")]
+    return [
+        v
+        for v in root_variables(study)
+        if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason")
+    ]
 
 
 @dataclass(eq=False)
 class _Part:
-    """A run of tiles of the variables by point of one group: the root, of all levels, or the contact line of one level.
+    """A run of tiles of the variables by point of one group: the root, of all levels, or the
+    contact line of one level.
 
     level: None for the root;  shapes: of what a point has of each variable;  arrays: values of the part, once begun
     """
@@ -367,8 +437,12 @@ class _Part:
         """The points of a block that lie here."""
         start, stop, places = self.tiles[0][1], self.tiles[-1][2], block.points
         rows = np.flatnonzero((places >= start) & (places < stop))
-        at: Any = places[rows] - start if self.level is not None else (places[rows] - start, block.level)
-        own = {name: getattr(block, name) for name in ("status", "u_T", "xi", "sticks")} | block.numbers
+        at: Any = (
+            places[rows] - start if self.level is not None else (places[rows] - start, block.level)
+        )
+        own = {
+            name: getattr(block, name) for name in ("status", "u_T", "xi", "sticks")
+        } | block.numbers
         own["reason"] = reasons = np.full(len(block), "", dtype=object)
         for row, reason in block.reasons.items():
             reasons[row] = without_paths(reason)
@@ -386,18 +460,27 @@ class _Part:
             array, new = self.arrays.pop(variable.name), self.group[variable.name]
             for cut, start, stop in self.tiles:
                 values = array[start - begin : stop - begin]
-                if variable.dtype != "str" or values.any():  # a text that is never written is empty, and costs nothing
+                if (
+                    variable.dtype != "str" or values.any()
+                ):  # a text that is never written is empty, and costs nothing
                     new[cut] = values.reshape(*(s.stop - s.start for s in cut), *values.shape[1:])
 
 
 def _parts(
-    group: netCDF4.Dataset, level: int | None, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
+    group: netCDF4.Dataset,
+    level: int | None,
+    study: Study,
+    variables: Iterable[FileVariable],
+    sizes: dict[str, int],
 ) -> list[_Part]:
-    """Define the variables by point of a group, and cut them into parts of a quarter of MEMORY at most.
-    sizes: of the dimensions after those of the sweep"""
+    """Define the variables by point of a group, and cut them into parts of a quarter of MEMORY at
+    most. sizes: of the dimensions after those of the sweep"""
     own = [v for v in variables if SWEEP in v.dims]
     shapes = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
-    widths = [math.prod(shapes[v.name]) * (8 if v.dtype == "str" else np.dtype(v.dtype).itemsize) for v in own]
+    widths = [
+        math.prod(shapes[v.name]) * (8 if v.dtype == "str" else np.dtype(v.dtype).itemsize)
+        for v in own
+    ]
     tile = tile_shape(study.shape, max(1, CHUNK // max(1, *widths)))
     for variable in own:
         define(group, variable, study, (*tile, *shapes[variable.name]))
@@ -408,19 +491,28 @@ def _parts(
 
 
 def _put_once(nc: netCDF4.Dataset, own: Results, geometries: Mapping[int, Results]) -> list[_Part]:
-    """All that does not lie along the sweep; what does is made, and cut into parts.
-    geometries: of a sweep over them, whose levels the root has, while their profiles are in their groups"""
+    """All that does not lie along the sweep; what does is made, and cut into parts. geometries: of
+    a sweep over them, whose levels the root has, while their profiles are in their groups"""
     study, variables = own.study, root_variables(own.study)
     put_axes(nc, study)
     put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
-    named = {"start": (schema.START_NAMES, "where the solver started"), "solver": (study.solver.names, "solver")}
+    named = {
+        "start": (schema.START_NAMES, "where the solver started"),
+        "solver": (study.solver.names, "solver"),
+    }
     for dim, (names, what) in named.items():
         if len(names) > 1:
             put(nc, FileVariable(dim, "str", "", what, (dim,), coordinate=True), study, list(names))
-    sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+    sizes = {
+        "level": study.mesh.levels,
+        "start": len(schema.START_NAMES),
+        "solver": len(study.solver.names),
+    }
     left = _parts(nc, None, study, variables, sizes)
     shape, dims = (study.shape, POINT_LEVEL) if study.variants else ((), LEVEL)
-    by_level = [(v, missing(v, (math.prod(shape), study.mesh.levels))) for v in variables if v.dims == LEVEL]
+    by_level = [
+        (v, missing(v, (math.prod(shape), study.mesh.levels))) for v in variables if v.dims == LEVEL
+    ]
     numbers = np.full(len(study.scenes), -1, dtype=np.int32)
     for number, one in geometries.items() if study.variants else ((0, own),):
         numbers[study.bodies[number].places] = number
@@ -441,10 +533,17 @@ def _put_once(nc: netCDF4.Dataset, own: Results, geometries: Mapping[int, Result
         group = _put_level(nc, study, level)
         held = level.fields.get("held_x", ())
         along = (*schema.CONTACT, *line_variables(study), *(schema.HELD if len(held) else ()))
-        left += _parts(group, level.level, study, along, {"node": level.n_contact, "held_end": len(held)})
+        left += _parts(
+            group, level.level, study, along, {"node": level.n_contact, "held_end": len(held)}
+        )
         if blocks := found[level.level]:
-            order = np.argsort(np.concatenate([one["solution_point"] for one in blocks]), kind="stable")
-            columns = {v.name: np.concatenate([one[v.name] for one in blocks])[order] for v in schema.SOLUTION}
+            order = np.argsort(
+                np.concatenate([one["solution_point"] for one in blocks]), kind="stable"
+            )
+            columns = {
+                v.name: np.concatenate([one[v.name] for one in blocks])[order]
+                for v in schema.SOLUTION
+            }
             put_all(group, schema.SOLUTION, columns, study)
     return left
 
@@ -474,7 +573,9 @@ def _put_points(nc: netCDF4.Dataset, own: Results, left: list[_Part]) -> tuple[i
 
 def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
     """An array full of missing values."""
-    return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
+    return np.full(
+        shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype
+    )
 
 
 def _put_level(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:
@@ -491,14 +592,25 @@ def _put_level(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4
         put_all(group, schema.MESH, level.fields, study)
         if "region" in level.fields:
             names = (name for name, _ in study.scenes[0].material.regions)
-            put(group, schema.REGION, study, level.fields["region"]).setncatts(dict(schema.flags(BODY, *names)))
+            put(group, schema.REGION, study, level.fields["region"]).setncatts(
+                dict(schema.flags(BODY, *names))
+            )
         cold = {scene.material.expands for scene in distinct(study.scenes, "material")} == {False}
         for variable in schema.FIELDS[1 if cold else 0 :]:
             define(group, variable, study, (1,) * len(study.shape) + level.fields["node_x"].shape)
-    live = {v.name: level.fields[name] for v in schema.LIVE if (name := schema.LIVE_PREFIX + v.name) in level.fields}
+    live = {
+        v.name: level.fields[name]
+        for v in schema.LIVE
+        if (name := schema.LIVE_PREFIX + v.name) in level.fields
+    }
     if live:
         put_all(group.createGroup("live"), schema.LIVE, live, study)
-    put_all(group, (*schema.CONTACT, *schema.HELD, *schema.JOINTS), {**vars(level), **level.fields}, study)
+    put_all(
+        group,
+        (*schema.CONTACT, *schema.HELD, *schema.JOINTS),
+        {**vars(level), **level.fields},
+        study,
+    )
     return group
 
 

@@ -1,23 +1,26 @@
-"""The files of paths, histories, fits, convergence and cost (CF-1.11): one group each, complete or not there at all.
+"""The files of paths, histories, fits, convergence and cost (CF-1.11): one group each, complete or
+not there at all.
 
-Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point between two vertices is
-their linear combination, and `energy` a parabola; piece i lies between the vertices i and i + 1. Flags are bytes with
-flag_meanings; nothing is missing.
+Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point
+between two vertices is their linear combination, and `energy` a parabola; piece i lies between the
+vertices i and i + 1. Flags are bytes with flag_meanings; nothing is missing.
 
-History: a row a sweep point and step. Step 0 puts the loads of the study as it is written on the virgin body; after the
-step in which a history ends early all is missing, and `reason` says why. `u_T`, `kappa` and `plastic` are all that the
-next step remembers, to the bit: a study with more steps behind those of a file goes on from there.
+History: a row a sweep point and step. Step 0 puts the loads of the study as it is written on the
+virgin body; after the step in which a history ends early all is missing, and `reason` says why.
+`u_T`, `kappa` and `plastic` are all that the next step remembers, to the bit: a study with more
+steps behind those of a file goes on from there.
 
-Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from parameter to
-parameter: `parameter_units` names them.
+Fit: what was found, how well it is known, what the data say against it, in SI units, which differ
+from parameter to parameter: `parameter_units` names them.
 
-Convergence: the dimensions of the sweep and the level; each error E has error_E (relative to the norm of the
-reference) and rate_E by level, and size_squared_E (that norm squared: it has a unit that CF can write), slope_E,
-slope_error_E, first_level_E, verdict_E, expected_E and reason_E by sweep point; each number Q has value_Q by level, and
-limit_Q, uncertainty_Q, limit_order_Q and exact_Q by sweep point.
+Convergence: the dimensions of the sweep and the level; each error E has error_E (relative to the
+norm of the reference) and rate_E by level, and size_squared_E (that norm squared: it has a unit
+that CF can write), slope_E, slope_error_E, first_level_E, verdict_E, expected_E and reason_E by
+sweep point; each number Q has value_Q by level, and limit_Q, uncertainty_Q, limit_order_Q and
+exact_Q by sweep point.
 
-Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level), `time` all four; each
-error E has error_E and dominated_E, by the first three.
+Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level),
+`time` all four; each error E has error_E and dominated_E, by the first three.
 """
 
 from __future__ import annotations
@@ -72,7 +75,9 @@ _STABLE = ("unstable", "stable")
 # nothing is missing in the file of a path
 
 
-def _number(name: str, units: str, long_name: str, dims: Dims = (), along: str = "") -> FileVariable:
+def _number(
+    name: str, units: str, long_name: str, dims: Dims = (), along: str = ""
+) -> FileVariable:
     extra = {"coordinates": along} if along else {}
     return FileVariable(name, "f8", units, long_name, dims, extra=extra, coordinate=True)
 
@@ -82,7 +87,15 @@ def _index(name: str, long_name: str, dims: Dims = ()) -> FileVariable:
 
 
 def _flag(name: str, long_name: str, dims: Dims, meanings: Sequence[str] = ()) -> FileVariable:
-    return FileVariable(name, "i1", "1", long_name, dims, extra=flags(*meanings) if meanings else {}, coordinate=True)
+    return FileVariable(
+        name,
+        "i1",
+        "1",
+        long_name,
+        dims,
+        extra=flags(*meanings) if meanings else {},
+        coordinate=True,
+    )
 
 
 def _states(prefix: str, dim: str, parameter: str) -> tuple[FileVariable, ...]:
@@ -91,7 +104,9 @@ def _states(prefix: str, dim: str, parameter: str) -> tuple[FileVariable, ...]:
     where = f"{along} arclength x y"
     return (
         _number(along, T, parameter, (dim,)),
-        _number(f"{prefix}energy", "J m-1", "total potential energy, per unit thickness", (dim,), along),
+        _number(
+            f"{prefix}energy", "J m-1", "total potential energy, per unit thickness", (dim,), along
+        ),
         _number(f"{prefix}u_T", "m", "tangential displacement", dims, where),
         _number(f"{prefix}xi", "Pa", "tangential traction -S_T", dims, where),
     )
@@ -99,19 +114,41 @@ def _states(prefix: str, dim: str, parameter: str) -> tuple[FileVariable, ...]:
 
 CURVE: tuple[FileVariable, ...] = (
     *_states("", "vertex", "parameter of the path"),
-    _number("energy_rate", RATE, "derivative of the energy by the parameter along the path", _VERTEX, "parameter"),
-    _number("residual", "1", "largest distance of -S_T from balance over the scale of friction", _VERTEX, "parameter"),
+    _number(
+        "energy_rate",
+        RATE,
+        "derivative of the energy by the parameter along the path",
+        _VERTEX,
+        "parameter",
+    ),
+    _number(
+        "residual",
+        "1",
+        "largest distance of -S_T from balance over the scale of friction",
+        _VERTEX,
+        "parameter",
+    ),
     _flag("stable", "strict local minimum of the energy inside the piece", _PIECE, _STABLE),
     replace(
         _flag("state", "what the contact node does on the piece", ("piece", "node"), _STATES),
         extra={"coordinates": "arclength x y", **flags(*_STATES)},
     ),
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
-    _index("fold_vertex", "vertex at which the parameter steps back by 0.5 % of its range or more", ("fold",)),
-    _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
-    _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
+    _index(
+        "fold_vertex",
+        "vertex at which the parameter steps back by 0.5 % of its range or more",
+        ("fold",),
+    ),
+    _number(
+        "lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL
+    ),
+    _number(
+        "lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL
+    ),
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
-    _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED),
+    _flag(
+        "lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED
+    ),
 )
 """The polygon of solutions with k vertices and k − 1 pieces, and lists beside it."""
 SOLUTIONS: tuple[FileVariable, ...] = (
@@ -120,15 +157,37 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
     *_states("solution_", "solution", "parameter of the solution"),
     _index("solution_piece", "piece of the path that holds the solution, -1 for none", _SOLUTION),
-    _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, "solution_parameter"),
     _number(
-        "solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, "solution_parameter"
+        "solution_residual",
+        "1",
+        "inclusion residual over the scale of friction",
+        _SOLUTION,
+        "solution_parameter",
+    ),
+    _number(
+        "solution_rounding",
+        "1",
+        "what rounding allows of the inclusion residual",
+        _SOLUTION,
+        "solution_parameter",
     ),
     _flag("solution_stable", "strict local minimum of the energy on the path", _SOLUTION, _STABLE),
-    _flag("solution_lowest", "least energy on the path at its value", _SOLUTION, ("higher", "lowest")),
+    _flag(
+        "solution_lowest", "least energy on the path at its value", _SOLUTION, ("higher", "lowest")
+    ),
     _flag("solution_unique", "certified to be the only solution", _SOLUTION, CERTIFIED),
-    _flag("solution_strict_minimum", "certified to be a strict local minimum of the energy", _SOLUTION, CERTIFIED),
-    _flag("solution_global_minimum", "certified to have the least energy of all states", _SOLUTION, CERTIFIED),
+    _flag(
+        "solution_strict_minimum",
+        "certified to be a strict local minimum of the energy",
+        _SOLUTION,
+        CERTIFIED,
+    ),
+    _flag(
+        "solution_global_minimum",
+        "certified to have the least energy of all states",
+        _SOLUTION,
+        CERTIFIED,
+    ),
 )
 """All solutions at the requested values, in the order of `at` and along the path."""
 LOOP: tuple[FileVariable, ...] = (
@@ -143,7 +202,8 @@ LOOP: tuple[FileVariable, ...] = (
     _flag("loop_closed", "whether the loop ends where it began", ()),
     _flag("loop_complete", "whether both ends of the range were reached", ()),
 )
-"""The quasi-static hysteresis loop: stable branches one after the other and the falls between them."""
+"""The quasi-static hysteresis loop: stable branches one after the other and the falls between
+them."""
 BRANCHES: tuple[FileVariable, ...] = (
     _flag("complete", "whether these are all branches", (), CERTIFIED),
     _flag("at_complete", "whether the solutions at the value are all", _AT, CERTIFIED),
@@ -151,9 +211,15 @@ BRANCHES: tuple[FileVariable, ...] = (
     _flag("branch_on_path", "whether the path goes along it", _BRANCH, ("apart", "on_path")),
     _index("branch_of", "branch that the vertex is on, its vertices in their order", _ON_BRANCH),
     *_states("branch_", "branch_vertex", "parameter at the vertex"),
-    _flag("branch_stable", "stability of the piece after the vertex, if there is one", _ON_BRANCH, _STABLE),
+    _flag(
+        "branch_stable",
+        "stability of the piece after the vertex, if there is one",
+        _ON_BRANCH,
+        _STABLE,
+    ),
 )
-"""Every branch of the range, if they are asked for; a closed one has its first vertex again at its end."""
+"""Every branch of the range, if they are asked for; a closed one has its first vertex again at its
+end."""
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
 MESH_LEVEL: tuple[FileVariable, ...] = (
@@ -166,9 +232,17 @@ LEVEL: tuple[FileVariable, ...] = (
     *MESH_LEVEL,
     _index("start", "vertex from which the path was followed in both directions"),
     _number("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
-    _number("lambda_1_error", "1", "relative error of lambda_1 by rounding; proofs take the body softer by it"),
+    _number(
+        "lambda_1_error",
+        "1",
+        "relative error of lambda_1 by rounding; proofs take the body softer by it",
+    ),
     _number("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
-    _number("law_error", "1", "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact"),
+    _number(
+        "law_error",
+        "1",
+        "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact",
+    ),
 )
 """What there is once."""
 PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
@@ -192,14 +266,26 @@ _CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
 _DEBONDED = "where kappa passes the slip at which the law has fallen, linear between nodes; missing where it is nowhere"
 STEPS: tuple[FileVariable, ...] = (
     replace(_OF_ROOT["status"], long_name="status of the step"),
-    _of_step("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}"),
+    _of_step(
+        "energy",
+        "J m-1",
+        "energy of body and loads",
+        f"1/2 v A v - l v at the contact nodes, {_PER}",
+    ),
     _of_step("stored", "J m-1", "energy stored in the bond", _PER),
-    _of_step("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}"),
+    _of_step(
+        "dissipated",
+        "J m-1",
+        "energy dissipated in the step",
+        f"by friction, yielding or damage, {_PER}",
+    ),
     _of_step("work", "J m-1", "work of the loads' change", _WORK),
     _of_step("closure", "J m-1", "energy missed by finite steps", _CLOSURE),
     _of_step("released", "J m-1", "energy released by jumps", _PER),
     _of_step("identity", "1", "defect of energy identity", "relative to its terms; rounding"),
-    replace(_OF_ROOT["inclusion_residual"], comment="largest distance of -S_T from the law of the step"),
+    replace(
+        _OF_ROOT["inclusion_residual"], comment="largest distance of -S_T from the law of the step"
+    ),
     *(_OF_ROOT[name] for name in ("inclusion_rounding", "friction_resultant", "u_T_max")),
     _of_step("slip_length", "m", "length that slipped in the step"),
     *(replace(v, dims=_AT_STEP, comment=f"{v.comment}, at kappa in place of u_T") for v in REGIONS),
@@ -226,8 +312,12 @@ _LOOSE = "0 where only friction holds the body"
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
     FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), _LOOSE),
-    FileVariable("lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), "by rounding"),
-    FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), "all steps are unique if positive"),
+    FileVariable(
+        "lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), "by rounding"
+    ),
+    FileVariable(
+        "margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), "all steps are unique if positive"
+    ),
 )
 """And once, of a point of the sweep."""
 HISTORY = (*STEPS, *NODES, *POINTS)
@@ -246,12 +336,25 @@ FIT = (
     _own("estimate", "estimate"),
     _own("standard_error", "standard error"),
     _own("interval", "95 % interval", (*P, "end")),
-    FileVariable("mesh_shift", "f8", "1", "change on a mesh of half the size over the standard error", P),
+    FileVariable(
+        "mesh_shift", "f8", "1", "change on a mesh of half the size over the standard error", P
+    ),
     FileVariable("logarithmic", "i1", "1", "found by its logarithm", P, extra=flags("no", "yes")),
     FileVariable("at_bound", "i1", "1", "on a bound", P, extra=flags("no", "yes")),
-    FileVariable("covariance", "f8", "1", "covariance, of ln where logarithmic", (*P, "other_parameter"), comment=_OWN),
-    FileVariable("singular_value", "f8", "1", "singular values of the Jacobian by ln p", ("direction",)),
-    FileVariable("singular_vector", "f8", "1", "their directions in ln p", ("direction", "parameter")),
+    FileVariable(
+        "covariance",
+        "f8",
+        "1",
+        "covariance, of ln where logarithmic",
+        (*P, "other_parameter"),
+        comment=_OWN,
+    ),
+    FileVariable(
+        "singular_value", "f8", "1", "singular values of the Jacobian by ln p", ("direction",)
+    ),
+    FileVariable(
+        "singular_vector", "f8", "1", "their directions in ln p", ("direction", "parameter")
+    ),
     FileVariable("measured_column", "i4", "1", "column of the datum", D),
     FileVariable("datum", "f8", "1", "measured value", D, comment="in SI units of its column"),
     FileVariable("datum_given", "f8", "1", "parameter of the load at it", D),
@@ -263,7 +366,9 @@ FIT = (
     FileVariable("cost", "f8", "1", "half the sum of squares by evaluation", ("improvement",)),
     FileVariable("start_cost", "f8", "1", "half the sum of squares, by distinct minimum", S),
     FileVariable("start_count", "i4", "1", "starts that end in this minimum", S),
-    FileVariable("start_estimate", "f8", "1", "estimate, by distinct minimum", (*S, *P), comment=_OWN),
+    FileVariable(
+        "start_estimate", "f8", "1", "estimate, by distinct minimum", (*S, *P), comment=_OWN
+    ),
     FileVariable("curve_given", "f8", "1", "parameter of the load along the curve", ("vertex",)),
     FileVariable("curve_measured", "f8", "1", "value of the study along the curve", ("vertex",)),
     FileVariable("fold_vertex", "i4", "1", "vertex of a fold", ("fold",)),
@@ -271,15 +376,24 @@ FIT = (
     FileVariable("law_traction", "f8", "Pa", "fitted friction law", ("law_place",)),
     FileVariable("law_error", "f8", "Pa", "its standard error", ("law_place",)),
 )
-"""Everything that a file of a fit may hold. Residuals, and the Jacobian by ln p or by p (`logarithmic`), are in units
-of the noise."""
-VERDICTS = ("unknown", "exact", "as_expected", "faster", "slower", "pre_asymptotic", "too_few_levels")
+"""Everything that a file of a fit may hold. Residuals, and the Jacobian by ln p or by p
+(`logarithmic`), are in units of the noise."""
+VERDICTS = (
+    "unknown",
+    "exact",
+    "as_expected",
+    "faster",
+    "slower",
+    "pre_asymptotic",
+    "too_few_levels",
+)
 """What the rates say; stored as flags."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """An error or a number by name: symbol for tables, units (of an error: of its square), meaning."""
+    """An error or a number by name: symbol for tables, units (of an error: of its square),
+    meaning."""
 
     name: str
     symbol: str
@@ -293,14 +407,34 @@ ERRORS = (
     Measure("u_energy", "u in energy", "N", "error of the displacement in the energy norm"),
     Measure("u_H1", "u in H¹", "m2", "error of the displacement in the H1 seminorm"),
     Measure("u_L2", "u in L²", "m4", "error of the displacement in L2"),
-    Measure("u_T_L2", "u_T in L²(Γ_C)", "m3", "error of the tangential displacement in L2 of the contact line"),
-    Measure("u_T_max", "u_T in max", "m2", "largest error of the tangential displacement at the contact nodes"),
-    Measure("xi_L2", "ξ in L²(Γ_C)", "Pa2 m", "error of the friction traction as a step function in L2"),
-    Measure("xi_nodes", "ξ at nodes", "Pa2 m", "error of the friction traction at the contact nodes, weighted by c"),
-    Measure("xi_max", "ξ in max", "Pa2", "largest error of the friction traction at the contact nodes"),
+    Measure(
+        "u_T_L2",
+        "u_T in L²(Γ_C)",
+        "m3",
+        "error of the tangential displacement in L2 of the contact line",
+    ),
+    Measure(
+        "u_T_max",
+        "u_T in max",
+        "m2",
+        "largest error of the tangential displacement at the contact nodes",
+    ),
+    Measure(
+        "xi_L2", "ξ in L²(Γ_C)", "Pa2 m", "error of the friction traction as a step function in L2"
+    ),
+    Measure(
+        "xi_nodes",
+        "ξ at nodes",
+        "Pa2 m",
+        "error of the friction traction at the contact nodes, weighted by c",
+    ),
+    Measure(
+        "xi_max", "ξ in max", "Pa2", "largest error of the friction traction at the contact nodes"
+    ),
 )
 BY_ITSELF = {"estimate_u_energy": "error_estimate", "bound_u_energy": "error_bound_relative"}
-"""What a study with a guarantee says of the error of the displacement by itself, by the names in a run."""
+"""What a study with a guarantee says of the error of the displacement by itself, by the names in a
+run."""
 NUMBERS = (
     Measure("energy", "energy", "J m-1", "energy of the solution"),
     Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
@@ -311,7 +445,8 @@ NUMBERS = (
 def convergence_record(
     study: Study, points: Sequence[Mapping[str, Any]], reference: str, notes: Sequence[str]
 ) -> Record:
-    """What the file of a convergence holds. What a point does not have, although others do, is missing there.
+    """What the file of a convergence holds. What a point does not have, although others do, is
+    missing there.
 
     points:    of every sweep point its status (levels,) and what it has of the variables of `convergence_table`
     reference: what errors are measured against, in words
@@ -335,17 +470,27 @@ def convergence_record(
 
 def convergence_table(study: Study) -> tuple[FileVariable, ...]:
     """The variables that the convergence of a study may have."""
-    found = [LEVEL_COORDINATE, *(replace(one, dims=POINT_LEVEL if study.variants else one.dims) for one in LEVELS)]
-    found.append(FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS))
+    found = [
+        LEVEL_COORDINATE,
+        *(replace(one, dims=POINT_LEVEL if study.variants else one.dims) for one in LEVELS),
+    ]
+    found.append(
+        FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS)
+    )
     for measure in (*ERRORS, *NUMBERS):
-        for part, dtype, units, dims, meaning in _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS:
+        for part, dtype, units, dims, meaning in (
+            _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS
+        ):
             name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
             extra = flags(*VERDICTS) if part == "verdict" else {}
-            found.append(FileVariable(name, dtype, units.format(measure.units), what, dims, extra=extra))
+            found.append(
+                FileVariable(name, dtype, units.format(measure.units), what, dims, extra=extra)
+            )
     if study.mesh.guarantee:
         words = ("estimated relative", "proved bound of the relative")
         found += [
-            FileVariable(n, "f8", "1", f"{w} {ERRORS[2].long_name}") for n, w in zip(BY_ITSELF, words, strict=True)
+            FileVariable(n, "f8", "1", f"{w} {ERRORS[2].long_name}")
+            for n, w in zip(BY_ITSELF, words, strict=True)
         ]
     return tuple(found)
 
@@ -354,7 +499,9 @@ LEVELS = (
     FileVariable("h_max", "f8", "m", "longest element edge", ("level",)),
     FileVariable("n_dof", "i4", "1", "number of displacement unknowns", ("level",)),
     FileVariable("n_contact", "i4", "1", "number of contact unknowns", ("level",)),
-    FileVariable("compared", "i1", "1", "1 if the level is compared with the reference", ("level",)),
+    FileVariable(
+        "compared", "i1", "1", "1 if the level is compared with the reference", ("level",)
+    ),
 )
 """What a level has, of a sweep over geometries by point."""
 _ONCE = (SWEEP,)
@@ -380,16 +527,31 @@ _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
 """The same of a number."""
 OWN = "study"
 """Name of the study's own meshes where they belong to none of the families, in a file of cost."""
-BOUND = Measure("u_bound", "u in energy, proved", "1", "proved bound of the error of the displacement, energy norm")
-MEASURES: tuple[Measure, ...] = (*ERRORS, BOUND, *(m for m in NUMBERS if m.name in ("energy", "friction_resultant")))
-"""Errors that a chart may be of, each relative to the reference; the bound needs none, but a guarantee of the study."""
+BOUND = Measure(
+    "u_bound",
+    "u in energy, proved",
+    "1",
+    "proved bound of the error of the displacement, energy norm",
+)
+MEASURES: tuple[Measure, ...] = (
+    *ERRORS,
+    BOUND,
+    *(m for m in NUMBERS if m.name in ("energy", "friction_resultant")),
+)
+"""Errors that a chart may be of, each relative to the reference; the bound needs none, but a
+guarantee of the study."""
 _MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
 
 
 def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
     """An error and whether it is dominated."""
-    error = measure.long_name if measure in (*ERRORS, BOUND) else f"error of the {measure.long_name}"
-    of, on_front = f"whether another is as fast and as accurate: {error}", flags("on_the_front", "dominated")
+    error = (
+        measure.long_name if measure in (*ERRORS, BOUND) else f"error of the {measure.long_name}"
+    )
+    of, on_front = (
+        f"whether another is as fast and as accurate: {error}",
+        flags("on_the_front", "dominated"),
+    )
     return (
         FileVariable(f"error_{measure.name}", "f8", "1", f"relative {error}", _SOLVED),
         FileVariable(f"dominated_{measure.name}", "i1", "1", of, _SOLVED, extra=on_front),
@@ -398,19 +560,27 @@ def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
 
 COST_TABLE = (
     FileVariable("family", "str", "", "mesh family", ("family",), coordinate=True),
-    FileVariable("solver", "str", "", "solver of the contact problem", ("solver",), coordinate=True),
+    FileVariable(
+        "solver", "str", "", "solver of the contact problem", ("solver",), coordinate=True
+    ),
     LEVEL_COORDINATE,
     FileVariable("run", "i4", "1", "repetition of the timing", ("run",), coordinate=True),
     FileVariable("h_max", "f8", "m", "longest element edge", _MESHES),
-    FileVariable("n_dof", "i4", "1", "number of displacement unknowns, -1 where there is no mesh", _MESHES),
-    FileVariable("n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES),
+    FileVariable(
+        "n_dof", "i4", "1", "number of displacement unknowns, -1 where there is no mesh", _MESHES
+    ),
+    FileVariable(
+        "n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES
+    ),
     FileVariable("status", "i1", "1", "status of the solution", _SOLVED, extra=STATUS),
     FileVariable("reason", "str", "", "why there is no solution", _SOLVED),
-    FileVariable("time", "f8", "s", "wall time from the body to the displacements", (*_SOLVED, "run")),
+    FileVariable(
+        "time", "f8", "s", "wall time from the body to the displacements", (*_SOLVED, "run")
+    ),
     *(variable for measure in MEASURES for variable in _charted_error(measure)),
 )
-"""What a file of accuracy against cost may hold; another is as accurate and as fast as what is dominated, and better
-in one of the two."""
+"""What a file of accuracy against cost may hold; another is as accurate and as fast as what is
+dominated, and better in one of the two."""
 
 
 def history_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -423,34 +593,54 @@ def history_variables(study: Study) -> tuple[FileVariable, ...]:
     return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
 
 
-def step_record(study: Study, point: int, step: int, found: Mapping[str, Any], reason: str = "") -> BlockRecord:
-    """A step of a point, as a journal has points of a level: what is known of the variables of its file, by name."""
-    known = ((v, found[v.name]) for v in history_variables(study) if v.name in found and v.name not in _OF_BLOCK)
+def step_record(
+    study: Study, point: int, step: int, found: Mapping[str, Any], reason: str = ""
+) -> BlockRecord:
+    """A step of a point, as a journal has points of a level: what is known of the variables of its
+    file, by name."""
+    known = (
+        (v, found[v.name])
+        for v in history_variables(study)
+        if v.name in found and v.name not in _OF_BLOCK
+    )
     numbers = {v.name: np.asarray(value, v.dtype)[None] for v, value in known}
     status, reasons = np.array([found["status"]], dtype=np.int8), {0: reason} if reason else {}
-    return BlockRecord(step, study.shape, np.array([point], dtype=np.intp), status, reasons, numbers)
+    return BlockRecord(
+        step, study.shape, np.array([point], dtype=np.intp), status, reasons, numbers
+    )
 
 
 _OF_BLOCK = ("status", "reason")
 
 
 def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
-    """Coordinates of the steps: number, name, cycle and every load that changes, with their values (N,)."""
+    """Coordinates of the steps: number, name, cycle and every load that changes, with their values
+    (N,)."""
     plan = study.history
     assert plan is not None
     schedule, loads = list(plan.schedule()), plan.loads()
     cycles = np.array([0, *(cycle for *_, cycle in schedule)])
     names = np.array([START, *(name for *_, name, _ in schedule)], dtype=object)
     found: list[tuple[FileVariable, Any]] = [
-        (FileVariable("step", "i4", "1", "step", ("step",), coordinate=True), np.arange(len(cycles))),
-        (FileVariable("step_name", "str", "", "name of the step", ("step",), coordinate=True), names),
+        (
+            FileVariable("step", "i4", "1", "step", ("step",), coordinate=True),
+            np.arange(len(cycles)),
+        ),
+        (
+            FileVariable("step_name", "str", "", "name of the step", ("step",), coordinate=True),
+            names,
+        ),
         (FileVariable("cycle", "i4", "1", "cycle, from 1", ("step",), coordinate=True), cycles),
     ]
-    taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)}
+    taken = {axis_name(axis) for axis in study.axes} | {
+        v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)
+    }
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
         extra = DIFFERENCE if units == "K" else {}
         chosen = "_".join(keys) if name in taken else name
-        variable = FileVariable(chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra)
+        variable = FileVariable(
+            chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra
+        )
         found.append((variable, np.array([values[keys] for values in loads])))
     return found
 
@@ -471,7 +661,12 @@ def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]
     told: dict[str, str] = {"memory": plan.memory.words, "branch": plan.branch}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
     table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *own)
-    return Record("history", table, {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values}, told)
+    return Record(
+        "history",
+        table,
+        {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values},
+        told,
+    )
 
 
 def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
@@ -481,10 +676,15 @@ def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
     both = min(len(loads[0][1]), data.sizes["step"])
     for variable, own in loads:
         name = variable.name
-        if variable.dtype == "f8" and not (name in data and np.array_equal(data[name].values[:both], own[:both])):
+        if variable.dtype == "f8" and not (
+            name in data and np.array_equal(data[name].values[:both], own[:both])
+        ):
             raise StoreError(f"{path} holds a history with other steps; {OTHER_OUTPUT}")
     known = {v.name: by_point(data[v.name], data) for v in history_variables(study)}
     for point, step in np.argwhere(known["status"][:, :both] != PointStatus.NOT_RUN).tolist():
-        found = {name: every[point, step] if every.ndim > 1 else every[point] for name, every in known.items()}
+        found = {
+            name: every[point, step] if every.ndim > 1 else every[point]
+            for name, every in known.items()
+        }
         ended = known["status"][point, step] != PointStatus.OK
         yield step_record(study, point, step, found, str(found["reason"]) if ended else "")

@@ -5,15 +5,17 @@ The loads under which a given u and θ are the solution: the method of manufactu
     σ = λ div u I + 2μ ε(u) − βθI,     f = −div σ in Ω,     g = σn on traction and convection edges,
     u on clamped edges (held components only),     q = −kΔθ in Ω,     θ̄ = θ + (k/α) ∂θ/∂n on Γ_θ,   eqs. (1)–(5)
 
-All are expressions by symbolic differentiation. What vanishes to rounding at sample points becomes the number 0, so
-that nothing is assembled for it; of expressions with abs, min or max only what vanishes identically does, because
-samples may miss where they do not. Without a convection edge θ is the known temperature, and no heat problem is solved.
-Left out: heat flux through other edges and tractions on contact and free edges, which a scene cannot have; a body from
-a file, whose normals are no expressions.
+All are expressions by symbolic differentiation. What vanishes to rounding at sample points becomes
+the number 0, so that nothing is assembled for it; of expressions with abs, min or max only what
+vanishes identically does, because samples may miss where they do not. Without a convection edge θ
+is the known temperature, and no heat problem is solved. Left out: heat flux through other edges and
+tractions on contact and free edges, which a scene cannot have; a body from a file, whose normals
+are no expressions.
 
-Normals as expressions: on a line n is constant, on an arc it is (x − centre)/radius. Several curves get one field that
-is the normal of each on each, N = Σ w_i n_i / Σ w_i with w_i = Π_{j≠i} D_j, where D_j vanishes on curve j only
-(Shepard's interpolation): what depends on n is then one expression for all of them. Off the curves N means nothing.
+Normals as expressions: on a line n is constant, on an arc it is (x − centre)/radius. Several curves
+get one field that is the normal of each on each, N = Σ w_i n_i / Σ w_i with w_i = Π_{j≠i} D_j,
+where D_j vanishes on curve j only (Shepard's interpolation): what depends on n is then one
+expression for all of them. Off the curves N means nothing.
 
 Checks: what no load of a scene can give must vanish, and Γ_C must obey (4). Everything is sampled at SAMPLES points of
 every edge, none of them an end, and on a grid in the body:
@@ -22,11 +24,12 @@ free:     σn = 0; likewise the traction of a component that a clamped edge leav
 heat:     ∂θ/∂n = 0 on edges without convection
 values:   all derived fields are finite
 kinks:    at abs, min and max the gradients of u and θ have no jump. A jump of ∇u would need a load on a line inside the
-          body (u is continuous and the material is one, so σn is continuous across the line only if ∇u is).
+          body (u is continuous and the material is one, so σn is continuous across the line only if
+          ∇u is).
 
-Numbers, by quadrature that uses no discrete field: L_θ(u) = ½a(u,u) − ∫f·u − β∫θ div u − ∫g·u + ∫_{Γ_C} j(u_T) of a
-body with straight edges; ∫ξ over Γ_C; the length of Γ_C that slips; with these the value of a goal, so that estimates
-can be compared with true errors.
+Numbers, by quadrature that uses no discrete field: L_θ(u) = ½a(u,u) − ∫f·u − β∫θ div u − ∫g·u +
+∫_{Γ_C} j(u_T) of a body with straight edges; ∫ξ over Γ_C; the length of Γ_C that slips; with these
+the value of a goal, so that estimates can be compared with true errors.
 """
 
 from __future__ import annotations
@@ -99,21 +102,29 @@ SAMPLES = 64
 
 
 def body_edges(body: Body, names: Iterable[str] | None = None) -> list[tuple[Edge, bool]]:
-    """Edges with the given names (all without), each with whether it is a hole's, so that the body is on its right."""
+    """Edges with the given names (all without), each with whether it is a hole's, so that the body
+    is on its right."""
     assert body.outline is not None
     wanted = None if names is None else set(names)
     loops = [(body.outline, False), *((hole, True) for hole in body.holes)]
-    return [(edge, hole) for loop, hole in loops for edge in loop.edges if wanted is None or edge.name in wanted]
+    return [
+        (edge, hole)
+        for loop, hole in loops
+        for edge in loop.edges
+        if wanted is None or edge.name in wanted
+    ]
 
 
 def edge_samples(edge: Edge, hole: bool, count: int = SAMPLES) -> tuple[Array, Array]:
-    """Points (n, 2) inside an edge, its ends and middle avoided, and outward unit normals there (n, 2)."""
+    """Points (n, 2) inside an edge, its ends and middle avoided, and outward unit normals there (n,
+    2)."""
     points = edge_at(edge, (np.arange(count) + 0.38) / count)
     return points, outward(edge, hole, points)
 
 
 def outward(edge: Edge, hole: bool, points: Array) -> Array:
-    """(n, 2) outward unit normals of the body at points of an edge; a hole's edges have the body on their right."""
+    """(n, 2) outward unit normals of the body at points of an edge; a hole's edges have the body on
+    their right."""
     n = edge_normal(edge, points)
     return -n if hole else n
 
@@ -127,15 +138,25 @@ def normal_field(body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
             n = edge_samples(edge, hole, 1)[1][0].tolist()
             key, vector = n, (number(n[0]), number(n[1]))
         else:
-            sign, (along_x, along_y) = math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0), _from(*arc.center)
-            key = [arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign]  # what tells normals apart
+            sign, (along_x, along_y) = (
+                math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0),
+                _from(*arc.center),
+            )
+            key = [
+                arc.center[0] / size,
+                arc.center[1] / size,
+                arc.radius / size,
+                sign,
+            ]  # what tells normals apart
             vector = (sign / arc.radius * along_x, sign / arc.radius * along_y)
         found.setdefault(tuple(round(part, SAME) for part in key), (vector, []))[1].append(edge)
     normals, members = zip(*found.values(), strict=True)
     if len(normals) == 1:
         return cast("Vector", normals[0])
     off = [math.prod((size**-2 * _off(edge) for edge in own), start=ONE) for own in members]
-    weights = [math.prod((D for j, D in enumerate(off) if j != i), start=ONE) for i in range(len(off))]
+    weights = [
+        math.prod((D for j, D in enumerate(off) if j != i), start=ONE) for i in range(len(off))
+    ]
     x, y = (sum((w * n[i] for w, n in zip(weights, normals, strict=True)), ZERO) for i in (0, 1))
     total = sum(weights, ZERO)
     return x / total, y / total
@@ -147,8 +168,14 @@ def _from(x: float, y: float) -> Vector:
 
 
 def _off(edge: Edge) -> Term:
-    """The square of the distance from an edge, or from its circle, as a term that vanishes on the edge only."""
-    start, chord, at, arc = np.array(edge.start), np.subtract(edge.end, edge.start), _from(*edge.start), edge_arc(edge)
+    """The square of the distance from an edge, or from its circle, as a term that vanishes on the
+    edge only."""
+    start, chord, at, arc = (
+        np.array(edge.start),
+        np.subtract(edge.end, edge.start),
+        _from(*edge.start),
+        edge_arc(edge),
+    )
 
     def along(direction: Array) -> Term:
         return direction[0] * at[0] + direction[1] * at[1]
@@ -160,13 +187,17 @@ def _off(edge: Edge) -> Term:
     if arc is None:
         t = chord / edge_length(edge)
         ahead = along(t)
-        return along(np.array([t[1], -t[0]])) ** 2 + beyond(-ahead) + beyond(ahead - edge_length(edge))
+        return (
+            along(np.array([t[1], -t[0]])) ** 2 + beyond(-ahead) + beyond(ahead - edge_length(edge))
+        )
     assert edge.through is not None
     chord = chord / np.linalg.norm(chord)
     inward = np.array([-chord[1], chord[0]])
     inward *= math.copysign(1.0, float(inward @ (np.array(edge.through) - start)))
     x, y = _from(*arc.center)
-    return (call("sqrt", x**2 + y**2) - arc.radius) ** 2 + beyond(-along(inward))  # the side of the chord with the arc
+    return (call("sqrt", x**2 + y**2) - arc.radius) ** 2 + beyond(
+        -along(inward)
+    )  # the side of the chord with the arc
 
 
 def kinks(of: Scalar) -> tuple[Expression, ...]:
@@ -204,7 +235,8 @@ VANISHING = 1e-12
 
 
 class Derivation:
-    """Loads for one exact solution on one body; scenes that agree in what matters share their expressions."""
+    """Loads for one exact solution on one body; scenes that agree in what matters share their
+    expressions."""
 
     def __init__(self, exact: Exact, body: Body) -> None:
         self.body, self._exact = body, exact
@@ -217,9 +249,14 @@ class Derivation:
         self.load, self._scalar = cache(self._load), cache(self._shown)
 
     def scene(self, scene: Scene) -> Scene:
-        """The scene with its loads, prescribed displacements and temperatures derived; what it holds is not used."""
-        roles = tuple((name, self._role(name, role, scene.material)) for name, role in scene.boundary)
-        return replace(scene, boundary=roles, f=self.load((), scene.material), heat=self.heat(scene))
+        """The scene with its loads, prescribed displacements and temperatures derived; what it
+        holds is not used."""
+        roles = tuple(
+            (name, self._role(name, role, scene.material)) for name, role in scene.boundary
+        )
+        return replace(
+            scene, boundary=roles, f=self.load((), scene.material), heat=self.heat(scene)
+        )
 
     def _load(self, names: tuple[str, ...], material: Material) -> tuple[Scalar, Scalar]:
         """g = σn on the edges of the given names; for no names f = −div σ in the body."""
@@ -233,7 +270,10 @@ class Derivation:
             made = [row[0] * n[0] + row[1] * n[1] for row in rows]
         else:
             made = [-(derivative(row[0], "x") + derivative(row[1], "y")) for row in rows]
-            parts, heat = [second for d in parts for second in gradient(d)], list(gradient(self.theta))
+            parts, heat = (
+                [second for d in parts for second in gradient(d)],
+                list(gradient(self.theta)),
+            )
         sums = (*((lam + 2.0 * mu) * d for d in parts), *(beta * d for d in heat))
         return self._scalar(made[0], sums, names), self._scalar(made[1], sums, names)
 
@@ -266,13 +306,18 @@ class Derivation:
         return replace(role, u=(held[0], held[1]))
 
     def _shown(self, of: Term, parts: tuple[Term, ...], names: tuple[str, ...]) -> Scalar:
-        """The term as a scalar, 0 if it is rounding of its parts on the edges of the names (in the body without)."""
+        """The term as a scalar, 0 if it is rounding of its parts on the edges of the names (in the
+        body without)."""
         made = scalar(of)
         if isinstance(made, Expression) and self._smooth:
             points = self._inside
             if names:
-                points = np.concatenate([edge_samples(*edge)[0] for edge in body_edges(self.body, names)])
-            size = sum((np.abs(value_of(scalar(part), *points.T)) for part in parts), np.zeros(len(points)))
+                points = np.concatenate(
+                    [edge_samples(*edge)[0] for edge in body_edges(self.body, names)]
+                )
+            size = sum(
+                (np.abs(value_of(scalar(part), *points.T)) for part in parts), np.zeros(len(points))
+            )
             small = np.abs(value_of(made, *points.T)) <= VANISHING * size
             made = 0.0 if len(points) and np.isfinite(size).all() and np.all(small) else made
         return made
@@ -281,7 +326,8 @@ class Derivation:
 TOLERANCE = 1e-8
 """Largest violation, relative to the largest value of its kind on the boundary."""
 JUMP = 1e-4
-"""Jump of a gradient across a kink, relative to its largest value, that is no rounding of the place of the kink."""
+"""Jump of a gradient across a kink, relative to its largest value, that is no rounding of the place
+of the kink."""
 
 
 SolutionFault = tuple[tuple["str | int", ...], str, str]
@@ -290,7 +336,8 @@ SolutionFault = tuple[tuple["str | int", ...], str, str]
 
 @dataclass(frozen=True)
 class Samples:
-    """The exact solution at points of one or more edges: u (2, n), ∇u (2, 2, n) with ∂_d u_c at [c, d], θ and ∇θ."""
+    """The exact solution at points of one or more edges: u (2, n), ∇u (2, 2, n) with ∂_d u_c at [c,
+    d], θ and ∇θ."""
 
     points: Array
     normals: Array
@@ -332,7 +379,9 @@ class Checks:
         scalars = (*self._exact.u, self._exact.theta if self._exact.theta is not None else 0.0)
         values = [value_of(scalar, *points.T) for scalar in scalars]
         slopes = [value_and_gradient(scalar, *within.T)[1] for scalar in scalars]
-        return Samples(points, normals, np.array(values[:2]), np.array(slopes[:2]), values[2], slopes[2])
+        return Samples(
+            points, normals, np.array(values[:2]), np.array(slopes[:2]), values[2], slopes[2]
+        )
 
     def kinks(self) -> Iterator[SolutionFault]:
         """Jumps of ∇u or ∇θ inside the body."""
@@ -342,7 +391,10 @@ class Checks:
             largest = np.max(np.abs(value_and_gradient(component, *self._inside.T)[1]), initial=0.0)
             for bend in kinks(component):
                 before, after = sides(bend, self._body)
-                jump = np.abs(value_and_gradient(component, *before.T)[1] - value_and_gradient(component, *after.T)[1])
+                jump = np.abs(
+                    value_and_gradient(component, *before.T)[1]
+                    - value_and_gradient(component, *after.T)[1]
+                )
                 if np.max(jump, initial=0.0) > JUMP * largest:
                     at = spot(before[int(np.argmax(jump.max(axis=0)))])
                     what = f"bends at {at}, where its gradient jumps by {np.max(jump):.3g}"
@@ -351,56 +403,88 @@ class Checks:
                     break
 
     def scene(self, scene: Scene) -> Iterator[SolutionFault]:
-        """What is wrong with a scene whose loads were derived; nothing new where scenes differ in heat only."""
+        """What is wrong with a scene whose loads were derived; nothing new where scenes differ in
+        heat only."""
         yield from self._values(scene)
         key = (scene.material, scene.boundary, scene.friction)
         if key not in self._checked:
             self._checked.add(key)
-            stress = max(_largest(self._all.stress(scene)), scene.material.beta * _largest(self._all.theta))
+            stress = max(
+                _largest(self._all.stress(scene)), scene.material.beta * _largest(self._all.theta)
+            )
             for name, role in scene.boundary:
-                yield from islice(self._edge(name, role, scene, stress), 1)  # others on the edge may follow from it
+                yield from islice(
+                    self._edge(name, role, scene, stress), 1
+                )  # others on the edge may follow from it
 
     def _edge(self, name: str, role: Role, scene: Scene, stress: float) -> Iterator[SolutionFault]:
-        """What an edge leaves no room for: values that must vanish and do not, and what the friction law forbids."""
+        """What an edge leaves no room for: values that must vanish and do not, and what the
+        friction law forbids."""
         at, u, theta = self._edges[name], ("u",), self._exact.theta
         pull = np.einsum("cdn,nd->cn", at.stress(scene), at.normals)
 
-        def zero(keys: Keys, values: Array, scale: float, what: str, remedy: str) -> Iterator[SolutionFault]:
+        def zero(
+            keys: Keys, values: Array, scale: float, what: str, remedy: str
+        ) -> Iterator[SolutionFault]:
             size = np.nan_to_num(np.abs(values))
             worst = int(np.argmax(size))
             if size[worst] > TOLERANCE * scale:
-                yield keys, f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}", remedy
+                yield (
+                    keys,
+                    f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}",
+                    remedy,
+                )
 
         if isinstance(role, Contact):
             u_N, u_T = (np.einsum("cn,nc->n", at.u, axis) for axis in (at.normals, at.tangents))
             xi, largest = -np.einsum("cn,nc->n", pull, at.tangents), _largest(self._all.u)
             remedy = f"give an exact solution that slides along {name}"
-            yield from zero(u, u_N, largest, f"u_N is {{}} on the contact edge {name}, not 0", remedy)
+            yield from zero(
+                u, u_N, largest, f"u_N is {{}} on the contact edge {name}, not 0", remedy
+            )
             if self._exact.xi is not None:
-                given, remedy = value_of(self._exact.xi, *at.points.T), "correct xi, or leave it out: it follows from u"
-                yield from zero(("xi",), given - xi, stress, f"xi differs from -S_T of u by {{}} on {name}", remedy)
+                given, remedy = (
+                    value_of(self._exact.xi, *at.points.T),
+                    "correct xi, or leave it out: it follows from u",
+                )
+                yield from zero(
+                    ("xi",),
+                    given - xi,
+                    stress,
+                    f"xi differs from -S_T of u by {{}} on {name}",
+                    remedy,
+                )
                 xi = given
             b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), at.points)
             low, high = b.interval(u_T, 1e-9 * largest)
             off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
             i = int(np.argmax(np.nan_to_num(off)))
-            # stress is sampled INWARD of the edge, which alone leaves so much where no friction is to compare with
+            # stress is sampled INWARD of the edge, which alone leaves so much where no friction is
+            # to compare with
             if off[i] > max(TOLERANCE * max(b.b_scale, _largest(xi)), 10 * INWARD * stress):
                 law = f"[{low[i]:.6g}, {high[i]:.6g}]" if low[i] < high[i] else f"{low[i]:.6g}"
                 where = f"{name}: at {spot(at.points[i])}, where u_T = {u_T[i]:.6g}"
                 what = f"the friction law does not hold on {where}, -S_T is {xi[i]:.6g}, but b(u_T) is {law}"
-                remedy = f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
+                remedy = (
+                    f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
+                )
                 yield u, what, remedy
         elif isinstance(role, Free):
             for c, axis in enumerate("xy"):
                 what = f"the {axis} component of sigma n is {{}} on the free edge {name}"
-                yield from zero(u, pull[c], stress, what, f"give {name} the role traction; its g is derived")
+                yield from zero(
+                    u, pull[c], stress, what, f"give {name} the role traction; its g is derived"
+                )
         elif isinstance(role, Clamped) and None in role.u:
             straight = [np.broadcast_to(axis, at.points.shape) for axis in np.eye(2)]
-            axes, symbols = ((at.normals, at.tangents), "NT") if role.frame == "nt" else (straight, "xy")
+            axes, symbols = (
+                ((at.normals, at.tangents), "NT") if role.frame == "nt" else (straight, "xy")
+            )
             for held, direction, symbol in zip(role.u, axes, symbols, strict=True):
                 if held is None:
-                    what = f"u_{symbol} is free on {name}, but the traction in its direction is {{}}"
+                    what = (
+                        f"u_{symbol} is free on {name}, but the traction in its direction is {{}}"
+                    )
                     remedy = f"hold it too (u_{symbol}: derived), or give a u without that traction"
                     yield from zero(u, np.einsum("cn,nc->n", pull, direction), stress, what, remedy)
         if not isinstance(role, Convection) and scene.edges(Convection) and theta is not None:
@@ -411,14 +495,18 @@ class Checks:
 
     def _values(self, scene: Scene) -> Iterator[SolutionFault]:
         """Derived fields without a finite value somewhere."""
-        fields: list[tuple[str, str, tuple[Scalar | None, ...], Array]] = [("f", "u", scene.f, self._inside)]
+        fields: list[tuple[str, str, tuple[Scalar | None, ...], Array]] = [
+            ("f", "u", scene.f, self._inside)
+        ]
         if scene.heat.theta is None:
             fields.append(("q", "theta", (scene.heat.q,), self._inside))
         for name, role in scene.boundary:
             points = self._edges[name].points
             if isinstance(role, Clamped) and role.frame == "nt":
                 ends = np.array([edge.start for edge, _ in body_edges(self._body, (name,))])
-                fields.append((f"u_N or u_T on {name}", "u", role.u, np.concatenate([points, ends])))
+                fields.append(
+                    (f"u_N or u_T on {name}", "u", role.u, np.concatenate([points, ends]))
+                )
             if isinstance(role, Loaded):
                 fields.append((f"g on {name}", "u", role.g, points))
             if isinstance(role, Convection) and scene.heat.theta is None:
@@ -430,7 +518,9 @@ class Checks:
                 self._finite.add((field, symbol))
                 bad = np.flatnonzero(~np.isfinite(field.evaluate(*points.T)))
                 if len(bad):
-                    what = f"{symbol}, derived from it, has no finite value at {spot(points[bad[0]])}"
+                    what = (
+                        f"{symbol}, derived from it, has no finite value at {spot(points[bad[0]])}"
+                    )
                     remedy = "give an expression that has its derivatives there, or give the loads"
                     yield (key,), what, remedy
                     return
@@ -447,20 +537,29 @@ _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 def exact_energy(exact: Exact, scene: Scene, mesh: TriangleGeometry) -> float:
-    """L_θ(u) [J/m]; NaN for a body that no mesh fills (with arcs, from a file), and without the θ that loads it."""
+    """L_θ(u) [J/m]; NaN for a body that no mesh fills (with arcs, from a file), and without the θ
+    that loads it."""
     theta = exact.theta if exact.theta is not None else scene.heat.theta
-    straight = scene.body.outline is not None and all(edge.through is None for edge in scene.body.edges)
+    straight = scene.body.outline is not None and all(
+        edge.through is None for edge in scene.body.edges
+    )
     if not straight or (scene.material.expands and theta is None):
         return math.nan
 
     def density(x: Array, y: Array) -> Array:
         (ux, gx), (uy, gy) = (value_and_gradient(component, x, y) for component in exact.u)
-        f_x, f_y, heat = (value_of(data, x, y) for data in (*scene.f, 0.0 if theta is None else theta))
+        f_x, f_y, heat = (
+            value_of(data, x, y) for data in (*scene.f, 0.0 if theta is None else theta)
+        )
         lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
         divergence, strain = gx[0] + gy[1], gx[0] ** 2 + gy[1] ** 2 + 0.5 * (gx[1] + gy[0]) ** 2
-        return np.asarray(0.5 * lam * divergence**2 + mu * strain - f_x * ux - f_y * uy - beta * heat * divergence)
+        return np.asarray(
+            0.5 * lam * divergence**2 + mu * strain - f_x * ux - f_y * uy - beta * heat * divergence
+        )
 
-    return integral(mesh, density) + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
+    return integral(mesh, density) + sum(
+        _on_edge(exact, scene, *edge) for edge in body_edges(scene.body)
+    )
 
 
 def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
@@ -474,15 +573,19 @@ def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
 def exact_slip_length(exact: Exact, scene: Scene) -> float:
     """Length of Γ_C where u_T is not at an up-jump of b [m]; NaN for a body from a file.
 
-    Changes between stick and slip are found at 5·PANELS points of every edge and bisected until floats end; pairs of
-    changes between two points are missed. u_T counts as at the jump within its rounding, so that where slip begins
-    like r^p the change lies off by (rounding / amplitude)^(1/p).
+    Changes between stick and slip are found at 5·PANELS points of every edge and bisected until
+    floats end; pairs of changes between two points are missed. u_T counts as at the jump within its
+    rounding, so that where slip begins like r^p the change lies off by (rounding /
+    amplitude)^(1/p).
     """
     if scene.body.outline is None:
         return math.nan
     edges = body_edges(scene.body, scene.edges(Contact))
     at = [edge_at(edge, _places()) for edge, _ in edges]
-    size = max((float(np.max(np.abs(value_of(u, *points.T)))) for points in at for u in exact.u), default=0.0)
+    size = max(
+        (float(np.max(np.abs(value_of(u, *points.T)))) for points in at for u in exact.u),
+        default=0.0,
+    )
 
     def slips(edge: Edge, hole: bool, places: Array) -> NDArray[np.bool_]:
         points = edge_at(edge, places)
@@ -503,7 +606,9 @@ def _share(slips: Callable[[Array], NDArray[np.bool_]]) -> float:
     """Share of [0, 1] where a predicate holds, its changes bisected."""
     places = np.concatenate([[0.0], _places(), [1.0]])
     inner = slips(places[1:-1])
-    holds = np.concatenate([inner[:1], inner, inner[-1:]])  # an end may be a corner where all is held
+    holds = np.concatenate(
+        [inner[:1], inner, inner[-1:]]
+    )  # an end may be a corner where all is held
     change = np.flatnonzero(holds[1:] != holds[:-1])
     low, high = places[change], places[change + 1]
     for _ in range(64):
@@ -535,8 +640,12 @@ def _places() -> Array:
 
 
 def _samples(edge: Edge, hole: bool) -> tuple[Array, Array, Array]:
-    """Gauss points (q, 2) on a line or an arc in PANELS equal parts, outward normals (q, 2) and weights (q,)."""
-    points, weights = edge_at(edge, _places()), np.tile(0.5 * _WEIGHTS / PANELS, PANELS) * edge_length(edge)
+    """Gauss points (q, 2) on a line or an arc in PANELS equal parts, outward normals (q, 2) and
+    weights (q,)."""
+    points, weights = (
+        edge_at(edge, _places()),
+        np.tile(0.5 * _WEIGHTS / PANELS, PANELS) * edge_length(edge),
+    )
     return points, outward(edge, hole, points), weights
 
 
@@ -560,13 +669,16 @@ def exact_xi(exact: Exact, scene: Scene) -> LineFunction:
         gx, gy = (value_and_gradient(component, x, y)[1] for component in exact.u)
         shear = 0.5 * (gx[1] + gy[0])
         n1, n2 = n[..., 0], n[..., 1]
-        return np.asarray(-2 * mu * (-n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2)))
+        return np.asarray(
+            -2 * mu * (-n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2))
+        )
 
     return traction
 
 
 def known_goal(goal: Goal, exact: Exact, scene: Scene) -> float | None:
-    """J(u), by quadrature on the exact Γ_C; None for the energy norm and where the body comes from a file."""
+    """J(u), by quadrature on the exact Γ_C; None for the energy norm and where the body comes from
+    a file."""
     if scene.body.outline is None or goal.quantity == "energy":
         return None
     if goal.quantity == "u_T":

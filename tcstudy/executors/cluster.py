@@ -1,9 +1,11 @@
-"""Calls done by the workers of a dask scheduler, on this machine or on many; needs dask.distributed.
+"""Calls done by the workers of a dask scheduler, on this machine or on many; needs
+dask.distributed.
 
-A dask worker hands its call to a process beside it (executors.processes). A call that kills, crashes or hangs takes
-that process along and not the worker, is tried again and told in the same words as everywhere, and dask, which counts a
-killed worker against all calls that it had, hears nothing of it. What is left to dask is a machine that goes away: it
-gives the calls to others. A scheduler that goes away is waited for as long as at the start.
+A dask worker hands its call to a process beside it (executors.processes). A call that kills,
+crashes or hangs takes that process along and not the worker, is tried again and told in the same
+words as everywhere, and dask, which counts a killed worker against all calls that it had, hears
+nothing of it. What is left to dask is a machine that goes away: it gives the calls to others. A
+scheduler that goes away is waited for as long as at the start.
 """
 
 from __future__ import annotations
@@ -18,7 +20,14 @@ import uuid
 from concurrent.futures import CancelledError
 from typing import Any
 
-from tcstudy.executors.processes import WORKER, PackedExecutor, ProcessExecutor, WorkerDied, WorkersFailed, available
+from tcstudy.executors.processes import (
+    WORKER,
+    PackedExecutor,
+    ProcessExecutor,
+    WorkerDied,
+    WorkersFailed,
+    available,
+)
 
 LOCAL = "local"
 """The address of a scheduler that is started here, with as many workers as asked for."""
@@ -35,7 +44,9 @@ FRESH = 2.0
 class DaskExecutor(PackedExecutor):
     """The workers of a dask scheduler."""
 
-    def __init__(self, address: str, workers: int | None = None, command: tuple[str, ...] = WORKER) -> None:
+    def __init__(
+        self, address: str, workers: int | None = None, command: tuple[str, ...] = WORKER
+    ) -> None:
         """address: LOCAL or tcp://host:port;  workers: of a local one, None for one on each processor
         command: what Python runs beside a dask worker. Raises WorkersFailed."""
         super().__init__()
@@ -59,9 +70,14 @@ class DaskExecutor(PackedExecutor):
 
         for _ in range(LOST):
             try:
-                with _lock, dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TB"}):
+                with (
+                    _lock,
+                    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TB"}),
+                ):
                     key = f"{name or 'block'} {next(self._names)}"
-                    future = self._client.submit(run_beside, call, timeout, self.command, key=key, pure=False)
+                    future = self._client.submit(
+                        run_beside, call, timeout, self.command, key=key, pure=False
+                    )
                 answer: bytes = future.result()
             except KilledWorker as error:
                 reason = f"{error.allowed_failures + 1} dask workers that had it died"
@@ -85,7 +101,9 @@ class DaskExecutor(PackedExecutor):
     def _wait_for_scheduler(self) -> None:
         """Return when it answers again; raises WorkersFailed if it does not."""
         deadline = time.monotonic() + CONNECT + 1.0
-        while self._client.status == "connecting" and not self._closed and time.monotonic() < deadline:
+        while (
+            self._client.status == "connecting" and not self._closed and time.monotonic() < deadline
+        ):
             time.sleep(0.1)
         if self._closed:
             raise WorkerDied("the run was ended")
@@ -99,23 +117,35 @@ def _connected(address: str, workers: int | None) -> tuple[Any, Any]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise WorkersFailed("dask.distributed is not installed; pip install 'tcstudy[dask]'") from error
+        raise WorkersFailed(
+            "dask.distributed is not installed; pip install 'tcstudy[dask]'"
+        ) from error
 
     class QuietClient(Client):
         def __del__(self) -> None:
-            """`shutdown` closes it; one that was never connected would wait for its scheduler again, and complain."""
+            """`shutdown` closes it; one that was never connected would wait for its scheduler
+            again, and complain."""
 
     for name in ("distributed", "distributed.client"):  # what happens is said here, in one line
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         if address != LOCAL:
             return None, QuietClient(address, timeout=CONNECT, set_as_default=False)
-        # without processes of dask, which would import the user's script again: calls have their own
-        own = LocalCluster(1, workers or available(), processes=False, dashboard_address="127.0.0.1:0")
+        # without processes of dask, which would import the user's script again: calls have their
+        # own
+        own = LocalCluster(
+            1, workers or available(), processes=False, dashboard_address="127.0.0.1:0"
+        )
         return own, QuietClient(own, set_as_default=False)
-    except Exception as error:  # MemoryError, where the answer of something else is read as the length of an array
+    except (
+        Exception
+    ) as error:  # MemoryError, where the answer of something else is read as the length of an array
         remedy = "start one with `dask scheduler`, or run without --dask"
-        why = str(error) if isinstance(error, OSError | ValueError) else "what answers there is something else"
+        why = (
+            str(error)
+            if isinstance(error, OSError | ValueError)
+            else "what answers there is something else"
+        )
         raise WorkersFailed(f"no dask scheduler answers at {address} ({why}); {remedy}") from None
 
 

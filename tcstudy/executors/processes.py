@@ -1,13 +1,14 @@
-"""Calls of functions as concurrent.futures has them, `submit(function, *arguments)` gives a Future; done here, or by
-processes on this machine, which may die without taking anything along.
+"""Calls of functions as concurrent.futures has them, `submit(function, *arguments)` gives a Future;
+done here, or by processes on this machine, which may die without taking anything along.
 
-What travels to another process is packed here: (function, arguments) there, (whether it returned, what) back, so that
-nobody on the way needs the modules of either.
+What travels to another process is packed here: (function, arguments) there, (whether it returned,
+what) back, so that nobody on the way needs the modules of either.
 
-Each worker is a fresh Python process (no fork: NGSolve's threads would not survive it, and no multiprocessing spawn: it
-would run the user's script again), reached through a socket. What dies with a worker is the one call it has, which is
-tried again on a fresh one. concurrent.futures and loky lose all calls when one worker dies; pebble does not, but spawns
-by multiprocessing, and its workers outlive a parent that is killed.
+Each worker is a fresh Python process (no fork: NGSolve's threads would not survive it, and no
+multiprocessing spawn: it would run the user's script again), reached through a socket. What dies
+with a worker is the one call it has, which is tried again on a fresh one. concurrent.futures and
+loky lose all calls when one worker dies; pebble does not, but spawns by multiprocessing, and its
+workers outlive a parent that is killed.
 """
 
 from __future__ import annotations
@@ -42,10 +43,16 @@ TIMEOUT = 600.0
 THREADS = 1024
 """Calls under way at most."""
 START, STARTS = 120.0, 3
-"""Seconds that a worker may take to start; those in a row that end before they are ready, after which none is."""
+"""Seconds that a worker may take to start; those in a row that end before they are ready, after
+which none is."""
 TRIES = 2
 """Workers that may die over a call."""
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+ONE_THREAD = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
 PACKAGE = Path(__file__).parents[2]
 WORKER = ("-m", "tcstudy.executors.worker")
 
@@ -60,7 +67,8 @@ class WorkersFailed(UserFault):
 
 @dataclass(frozen=True)
 class Job(Generic[P, T]):
-    """A function of a module, with its name where people watch the work and the seconds that a call of it may take."""
+    """A function of a module, with its name where people watch the work and the seconds that a call
+    of it may take."""
 
     function: Callable[P, T]
     name: str = ""
@@ -91,8 +99,9 @@ class SerialExecutor(Executor):
 
 
 class PackedExecutor(SerialExecutor):
-    """Has calls done elsewhere, each waited for by a thread. The future raises what the call raised, or WorkerDied or
-    WorkersFailed; numbers depend on the call alone, to the bit. `shutdown` ends all workers at once."""
+    """Has calls done elsewhere, each waited for by a thread. The future raises what the call
+    raised, or WorkerDied or WorkersFailed; numbers depend on the call alone, to the bit. `shutdown`
+    ends all workers at once."""
 
     def __init__(self) -> None:
         self._threads = ThreadPoolExecutor(THREADS)
@@ -113,7 +122,8 @@ class PackedExecutor(SerialExecutor):
 
 
 def answered(call: bytes) -> bytes:
-    """Do a packed call here; an exception that would not arrive as it is becomes a RuntimeError with its words."""
+    """Do a packed call here; an exception that would not arrive as it is becomes a RuntimeError
+    with its words."""
     try:
         function, given, named = pickle.loads(call)
         return pickle.dumps((True, function(*given, **named)), 5)
@@ -126,8 +136,8 @@ def answered(call: bytes) -> bytes:
 
 
 def in_order(executor: SerialExecutor, futures: Iterable[Future[T]]) -> Iterator[Future[T]]:
-    """Futures of calls in their order, which are asked for as they are submitted: no more than the executor likes are
-    under way or wait to be taken."""
+    """Futures of calls in their order, which are asked for as they are submitted: no more than the
+    executor likes are under way or wait to be taken."""
     waiting: deque[Future[T]] = deque()
     for future in futures:
         waiting.append(future)
@@ -144,10 +154,12 @@ def timed(function: Callable[..., T], *given: Any) -> tuple[T, float]:
 
 @cache
 def keep_freed_memory() -> None:
-    """Let the C library keep up to 64 MB of freed memory in this process, once; glibc's way, without effect elsewhere.
+    """Let the C library keep up to 64 MB of freed memory in this process, once; glibc's way,
+    without effect elsewhere.
 
-    By default it gives an array of a block back to the system and asks for new, empty pages for the next one, which
-    took a quarter of the time of a block at m = 176. Its threshold is the largest array freed so far, of at most 32 MB.
+    By default it gives an array of a block back to the system and asks for new, empty pages for the
+    next one, which took a quarter of the time of a block at m = 176. Its threshold is the largest
+    array freed so far, of at most 32 MB.
     """
     np.empty(2**25 - 2**14, dtype=np.uint8)  # never touched, so that it costs nothing
 
@@ -193,13 +205,16 @@ class _Worker:
 
 
 class ProcessExecutor(PackedExecutor):
-    """Worker processes; they start with the first calls, as many as there are calls for, unless they are warmed."""
+    """Worker processes; they start with the first calls, as many as there are calls for, unless
+    they are warmed."""
 
     def __init__(self, workers: int, command: tuple[str, ...] = WORKER) -> None:
         """workers: at most;  command: what Python runs"""
         super().__init__()
         self.workers, self.command = 0, command
-        self._free: queue.LifoQueue[_Worker | None] = queue.LifoQueue()  # None: one that is not started
+        self._free: queue.LifoQueue[_Worker | None] = (
+            queue.LifoQueue()
+        )  # None: one that is not started
         self._alive, self._lock, self._closed = set[_Worker](), threading.Lock(), False
         self._failed_starts, self._reason = 0, ""
         self.grow(workers)
@@ -247,13 +262,16 @@ class ProcessExecutor(PackedExecutor):
             self._end(worker)
 
     def _start(self, worker: _Worker | None) -> _Worker:
-        """The worker, or a fresh one that is ready; raises WorkersFailed if several in a row did not come up."""
+        """The worker, or a fresh one that is ready; raises WorkersFailed if several in a row did
+        not come up."""
         while worker is None:
             with self._lock:
                 if self._closed:
                     raise WorkerDied("the run was ended")
                 if self._failed_starts >= STARTS:
-                    raise WorkersFailed(f"worker processes cannot be started ({self._reason}); run with --jobs 1")
+                    raise WorkersFailed(
+                        f"worker processes cannot be started ({self._reason}); run with --jobs 1"
+                    )
                 self._alive.add(worker := _Worker(self.command))
             try:
                 worker.answer(START)

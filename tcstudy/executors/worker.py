@@ -1,4 +1,5 @@
-"""A worker process: does the calls that its parent sends, one after the other, and ends when the parent does."""
+"""A worker process: does the calls that its parent sends, one after the other, and ends when the
+parent does."""
 
 from __future__ import annotations
 
@@ -23,7 +24,9 @@ def follow(parent: int) -> None:
 
 def main() -> None:
     """Serve the parent whose connection has the number that is the argument."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the parent, which then ends its workers
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # a terminal's Ctrl-C is for the parent, which then ends its workers
     threading.Thread(target=follow, args=(os.getppid(),), daemon=True).start()
     keep_freed_memory()
     line = Connection(int(sys.argv[1]))

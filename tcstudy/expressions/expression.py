@@ -1,16 +1,19 @@
-"""Expressions in x and y, such as "0.3*sin(pi*x)": their texts, trees, values in any arithmetic, and derivatives.
+"""Expressions in x and y, such as "0.3*sin(pi*x)": their texts, trees, values in any arithmetic,
+and derivatives.
 
-Grammar: numbers, x, y, pi, e, the operators + - * / ** (or ^) and parentheses, and the functions of FUNCTIONS.
-The text is split into these tokens and never executed as code; Python's parser makes a tree of them, of which the nodes
-named here are taken, and that is folded over NumPy arrays or any other arithmetic.
-Left out on purpose: comparisons, names of the user's own, attribute access, complex numbers.
+Grammar: numbers, x, y, pi, e, the operators + - * / ** (or ^) and parentheses, and the functions of
+FUNCTIONS. The text is split into these tokens and never executed as code; Python's parser makes a
+tree of them, of which the nodes named here are taken, and that is folded over NumPy arrays or any
+other arithmetic. Left out on purpose: comparisons, names of the user's own, attribute access,
+complex numbers.
 
-Trees are made of terms that are computed with like numbers: derivatives, derived loads and random fields read as their
-formulas. Equal terms are one object as long as one of them is in use, and every term is visited once, so that cost is
-the number of different terms, not the length of the expression written out. Nothing here recurses over terms.
+Trees are made of terms that are computed with like numbers: derivatives, derived loads and random
+fields read as their formulas. Equal terms are one object as long as one of them is in use, and
+every term is visited once, so that cost is the number of different terms, not the length of the
+expression written out. Nothing here recurses over terms.
 
-Derivatives follow the rules of calculus; abs, min and max are differentiated almost everywhere, and at a kink s = 0 the
-derivative is that of the side s > 0.
+Derivatives follow the rules of calculus; abs, min and max are differentiated almost everywhere, and
+at a kink s = 0 the derivative is that of the side s > 0.
 """
 
 from __future__ import annotations
@@ -31,23 +34,44 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_NAMES = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
+_NAMES = [
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "exp",
+    "log",
+    "sqrt",
+    "abs",
+    "sinh",
+    "cosh",
+    "tanh",
+]
 FUNCTIONS: dict[str, Callable[..., Any]] = {name: getattr(np, name) for name in _NAMES}
 FUNCTIONS |= {"min": np.minimum, "max": np.maximum}
 NUMBER, NEGATIVE = "#", "~"
-OPERATIONS = FUNCTIONS | {NEGATIVE: operator.neg, "+": operator.add, "-": operator.sub, "*": operator.mul}
+OPERATIONS = FUNCTIONS | {
+    NEGATIVE: operator.neg,
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+}
 OPERATIONS |= {"/": operator.truediv, "**": operator.pow}
 
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """A part of an expression. Made by `number`, `variable`, `call` and arithmetic, numbers beside it being terms, too.
+    """A part of an expression. Made by `number`, `variable`, `call` and arithmetic, numbers beside
+    it being terms, too.
 
     name:  of a coordinate, or of what makes the term of its parts, one of OPERATIONS; NUMBER of a number
     parts: the terms that it is made of;  value: of a number
 
-    Arithmetic simplifies: a + 0, a − a, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product come first.
-    0·a = 0 also where a has no value.
+    Arithmetic simplifies: a + 0, a − a, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a
+    product come first. 0·a = 0 also where a has no value.
     """
 
     name: str
@@ -166,7 +190,9 @@ TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<power>\*\*|\^)|(?P<mark>[-+*/(),])|(?P<space>\s+)"
 )
-LOOKALIKES = dict(zip("π−–·×÷²³√", ("pi", "-", "-", "*", "*", "/", "^2", "^3", "sqrt()"), strict=True))
+LOOKALIKES = dict(
+    zip("π−–·×÷²³√", ("pi", "-", "-", "*", "*", "/", "^2", "^3", "sqrt()"), strict=True)
+)
 AS_PYTHON: dict[str, Callable[[str], str]] = {
     "number": lambda word: repr(float(word)),
     "name": "_{}".format,  # of which none is a word of Python
@@ -217,7 +243,8 @@ class Expression:
         return self.root.value if self.root.name == NUMBER else None
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Values at the points (x, y), broadcast against each other; not finite where the expression is not."""
+        """Values at the points (x, y), broadcast against each other; not finite where the
+        expression is not."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         with np.errstate(all="ignore"):
             values = self.fold({"x": x, "y": y})
@@ -228,11 +255,16 @@ class Expression:
         new: dict[Term, Term] = {}
         for node in self.order:
             parts = (new[part] for part in node.parts)
-            new[node] = number(values[node.name]) if node.name in values else made(node.name, *parts, value=node.value)
+            new[node] = (
+                number(values[node.name])
+                if node.name in values
+                else made(node.name, *parts, value=node.value)
+            )
         return Expression(self.text, new[self.root])
 
     def fold(self, variables: Mapping[str, T]) -> T | float:
-        """The expression in another arithmetic, that of Python's operators and NumPy's functions on the variables."""
+        """The expression in another arithmetic, that of Python's operators and NumPy's functions on
+        the variables."""
         values: dict[Term, Any] = {}
         for node in self.order:
             if node.parts:
@@ -267,17 +299,24 @@ def scalar(of: Term, text: str = "derived") -> Scalar:
 
 
 def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
-    """The expression a text stands for; raises ExpressionError with what is wrong, where, and what is allowed.
+    """The expression a text stands for; raises ExpressionError with what is wrong, where, and what
+    is allowed.
 
     names: numbers that it may have beside x and y; they are variables until it is `bound`
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed")
+        raise ExpressionError(
+            f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed"
+        )
     tokens = _tokens(text, names)
     source = " ".join(tokens)
     try:
         tree = ast.parse(source, mode="eval")
-    except (SyntaxError, MemoryError, RecursionError) as error:  # the last two of what is nested too deeply
+    except (
+        SyntaxError,
+        MemoryError,
+        RecursionError,
+    ) as error:  # the last two of what is nested too deeply
         place = source[: (getattr(error, "offset", 0) or len(source)) - 1].count(" ")
         why = error.msg if isinstance(error, SyntaxError) else "it is nested too deeply"
         raise _unreadable(f"{why}, near {tokens[place].removeprefix('_')[:20]!r}") from None
@@ -285,19 +324,25 @@ def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
 
 
 def _tokens(text: str, names: tuple[str, ...]) -> list[str]:
-    """The tokens as Python writes them; unknown names, numbers beyond the floats, and two operands without an operator
-    between ("2x", "sin x") are refused."""
+    """The tokens as Python writes them; unknown names, numbers beyond the floats, and two operands
+    without an operator between ("2x", "sin x") are refused."""
     found, at, before = list[str](), 0, ""
     known = (*names, *VARIABLES, *CONSTANTS, *FUNCTIONS)
     while at < len(text):
         if (match := TOKEN.match(text, at)) is None:
             hint = f"write {LOOKALIKES[text[at]]} instead; " if text[at] in LOOKALIKES else ""
-            raise ExpressionError(f"the character {text[at]!r} has no place in an expression; {hint}{ALLOWED}")
+            raise ExpressionError(
+                f"the character {text[at]!r} has no place in an expression; {hint}{ALLOWED}"
+            )
         kind, token, at = match.lastgroup, match.group(), match.end()
         if kind == "number" and not math.isfinite(float(token)):
-            raise ExpressionError(f"the number {token[:20]} is too large for a float (at most 1.8e308)")
+            raise ExpressionError(
+                f"the number {token[:20]} is too large for a float (at most 1.8e308)"
+            )
         if kind == "name" and token not in known:
-            near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
+            near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(
+                token.lower(), known, n=1
+            )
             hint = f"did you mean {near[0]!r}? " if near else ""
             if before[:1].isdigit():
                 hint = "a number with a unit needs a name under parameters, a product its *; "
@@ -305,7 +350,9 @@ def _tokens(text: str, names: tuple[str, ...]) -> list[str]:
             raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{allowed}")
         if before in FUNCTIONS and kind in ("number", "name"):
             raise ExpressionError(f"{before} needs parentheses: {before}({token[:20]} ...)")
-        follows = before not in FUNCTIONS and (before[-1:].isalnum() or before[-1:] in ("_", ".", ")"))
+        follows = before not in FUNCTIONS and (
+            before[-1:].isalnum() or before[-1:] in ("_", ".", ")")
+        )
         if before and follows and (kind in ("number", "name") or token == "("):
             what = f"an operator is missing between {before[:20]!r} and {token[:20]!r}"
             raise ExpressionError(f"{what}; write {before[:20]}*{token[:20]} to multiply")
@@ -318,9 +365,12 @@ def _tokens(text: str, names: tuple[str, ...]) -> list[str]:
 
 
 def _node(node: ast.AST, depth: int) -> Term:
-    """Our term for one of Python's nodes, as it is written: what parts have no value is not to vanish."""
+    """Our term for one of Python's nodes, as it is written: what parts have no value is not to
+    vanish."""
     if depth > MAX_DEPTH:
-        raise ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it")
+        raise ExpressionError(
+            f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it"
+        )
     match node:
         case ast.Constant(value=float(value)):
             return number(value)
@@ -336,7 +386,9 @@ def _node(node: ast.AST, depth: int) -> Term:
         case ast.BinOp(left=left, right=right) if type(node.op) in OPERATORS:
             return made(OPERATORS[type(node.op)], _node(left, depth + 1), _node(right, depth + 1))
         case ast.Call(func=ast.Name(id=name), args=args) if name[1:] in FUNCTIONS:
-            count, words = (2, "two arguments, atan2(y, x)") if name == "_atan2" else (1, "one argument")
+            count, words = (
+                (2, "two arguments, atan2(y, x)") if name == "_atan2" else (1, "one argument")
+            )
             if name in ("_min", "_max"):
                 count, words = max(2, len(args)), "two or more arguments"
             if len(args) != count:
@@ -350,18 +402,24 @@ def _unreadable(why: str) -> ExpressionError:
 
 
 KEPT = 1e-8
-"""Eigenvalue, of the largest, down to which modes are kept; what is left out has a variance of that order."""
+"""Eigenvalue, of the largest, down to which modes are kept; what is left out has a variance of that
+order."""
 SPACING = 0.5
-"""Distance of the points that a field is made of, over its correlation length: covariances then are right to 1e-3."""
+"""Distance of the points that a field is made of, over its correlation length: covariances then are
+right to 1e-3."""
 
 
-def random_field(points: NDArray[np.float64], scatter: float, length: float, seed: int) -> Expression:
-    """A lognormal field exp(ζ g − ζ²/2) of mean 1 and coefficient of variation `scatter`, ζ² = ln(1 + scatter²).
+def random_field(
+    points: NDArray[np.float64], scatter: float, length: float, seed: int
+) -> Expression:
+    """A lognormal field exp(ζ g − ζ²/2) of mean 1 and coefficient of variation `scatter`, ζ² = ln(1
+    + scatter²).
 
-    g is Gaussian with mean 0, variance 1 and covariance C(p, q) = exp(−|p − q|²/length²), by its Karhunen–Loève
-    expansion on the points (n, 2) [m]: g(p) = Σ_k √λ_k φ_k(p) ζ_k with λ_k, φ_k the eigenpairs of C there and between
-    them φ_k(p) = Σ_j C(p, p_j) φ_k(p_j)/λ_k (Nyström). ζ_k = φ_kᵀ w with one w for the seed, so that the field does not
-    depend on how eigenvectors are chosen. Literature: Ghanem & Spanos, Stochastic Finite Elements (1991), ch. 2.
+    g is Gaussian with mean 0, variance 1 and covariance C(p, q) = exp(−|p − q|²/length²), by its
+    Karhunen–Loève expansion on the points (n, 2) [m]: g(p) = Σ_k √λ_k φ_k(p) ζ_k with λ_k, φ_k the
+    eigenpairs of C there and between them φ_k(p) = Σ_j C(p, p_j) φ_k(p_j)/λ_k (Nyström). ζ_k = φ_kᵀ
+    w with one w for the seed, so that the field does not depend on how eigenvectors are chosen.
+    Literature: Ghanem & Spanos, Stochastic Finite Elements (1991), ch. 2.
     """
     square = ((points[:, None] - points[None]) ** 2).sum(axis=-1)
     values, vectors = np.linalg.eigh(np.exp(-square / length**2))
@@ -380,11 +438,13 @@ def product(one: Scalar, other: Scalar) -> Scalar:
     return scalar(term(one) * term(other), f"({one})*({other})")
 
 
-# -- derivatives -------------------------------------------------------------------------------------
+# -- derivatives
+# -------------------------------------------------------------------------------------
 
 
 def step(s: Term) -> Term:
-    """1 where s ≥ 0, 0 elsewhere: 1 − atan2(0, s + 0)/π, which is never 0/0; atan2(0, −0) alone would be π."""
+    """1 where s ≥ 0, 0 elsewhere: 1 − atan2(0, s + 0)/π, which is never 0/0; atan2(0, −0) alone
+    would be π."""
     return 1.0 - call("atan2", ZERO, made("+", s, ZERO)) / math.pi
 
 
@@ -450,7 +510,8 @@ OUTER: dict[str, Callable[[Term, Term], Term]] = {
 
 
 def value_and_gradient(of: Scalar, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """Values (…) and gradient (2, …) of a number or an expression at points; not finite where it has none."""
+    """Values (…) and gradient (2, …) of a number or an expression at points; not finite where it
+    has none."""
     slopes = _gradient(of) if isinstance(of, Expression) else (0.0, 0.0)
     return value_of(of, x, y), np.array([value_of(slope, x, y) for slope in slopes])
 
@@ -463,4 +524,6 @@ def _gradient(expression: Expression) -> tuple[Scalar, Scalar]:
 
 def is_linear(scalar: Scalar) -> bool:
     """Whether a scalar is known to be a polynomial of degree 1 at most."""
-    return not isinstance(scalar, Expression) or all(isinstance(slope, float) for slope in _gradient(scalar))
+    return not isinstance(scalar, Expression) or all(
+        isinstance(slope, float) for slope in _gradient(scalar)
+    )

@@ -1,26 +1,36 @@
-"""Error of a P1 displacement in the energy norm, triangle by triangle; its strain and stress, tractions on edges.
+"""Error of a P1 displacement in the energy norm, triangle by triangle; its strain and stress,
+tractions on edges.
 
 Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e
-            σ* recovered stress (continuous P1) less βθI, r_e = what σ* leaves of the boundary condition on the edge e:
-            σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the free components on rollers; none on a rigid
+            σ* recovered stress (continuous P1) less βθI, r_e = what σ* leaves of the boundary
+            condition on the edge e:
+            σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the free components on
+            rollers; none on a rigid
             edge, whose tractions balance as a whole
 Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
 Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
 Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
-            − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
-            oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
+            − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and
+            third term hold the
+            oscillation of f and g, because div σ* is constant on K, and are of higher order where u
+            is smooth
 Heat:       η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
             q* the recovered gradient, α = 0 off Γ_θ
 Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K with ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error,
             one order of h better than its gradient (Aubin–Nitsche, in its local form)
-Interfaces: recovery stops there, nodes being one for each material (`Pieces`), since σ jumps where λ, μ or β do; the
-            traction is continuous: + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to either side (the stiffer side bounds
+Interfaces: recovery stops there, nodes being one for each material (`Pieces`), since σ jumps where
+λ, μ or β do; the
+            traction is continuous: + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to either side (the
+            stiffer side bounds
             v − Iv), and the flux: + β²/(λ+μ) (h_K/π)²/k · h_e/(π max k) ‖[k ∇θ* · n]‖²_e
-Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen & Bartels, Math. Comp. 71
-            (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen, Numer. Math. 99
+Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen &
+Bartels, Math. Comp. 71
+            (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen,
+            Numer. Math. 99
             (2004) 225–249 (contact)
 Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant), what arcs lose as polygons, the energy of
-            springs (of higher order); the pollution of θ from re-entrant corners; singular ends of interfaces
+            springs (of higher order); the pollution of θ from re-entrant corners; singular ends of
+            interfaces
 """
 
 from __future__ import annotations
@@ -50,7 +60,8 @@ def own_strain(mesh: TriangleGeometry, u: Array) -> Array:
 
 
 def strain_energy(mesh: TriangleGeometry, a: Array, lam: Array, mu: Array) -> Array:
-    """(t,) ∫_K a:c a of a strain that is linear on K and given at its corners (t, 3, 3) [J/m]; moduli (t,)."""
+    """(t,) ∫_K a:c a of a strain that is linear on K and given at its corners (t, 3, 3) [J/m];
+    moduli (t,)."""
     trace = a[..., 0] + a[..., 1]
     total = np.einsum("tkc,tkc->tc", a, a) + a.sum(axis=1) * a.sum(axis=1)
     volume = np.einsum("tk,tk->t", trace, trace) + trace.sum(axis=1) * trace.sum(axis=1)
@@ -65,7 +76,8 @@ def stress_of(strain: Array, lam: Array, mu: Array) -> Array:
 
 
 def traction_of(stress: Array, normal: Array) -> Array:
-    """σn at the Gauss points of segments (s, 2, 2) of stresses (s, 2, 3) there, normals (s, 2) [Pa]."""
+    """σn at the Gauss points of segments (s, 2, 2) of stresses (s, 2, 3) there, normals (s, 2)
+    [Pa]."""
     n = normal[:, None]
     rows = [stress[..., i] * n[..., 0] + stress[..., j] * n[..., 1] for i, j in ((0, 2), (2, 1))]
     return np.stack(rows, axis=-1)
@@ -83,10 +95,13 @@ def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
 
 
 def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> Array:
-    """(s, 2, 2) g − p n of an edge, and what its resultant and its moment spread over it, at points (s, 2, 2) [Pa]."""
+    """(s, 2, 2) g − p n of an edge, and what its resultant and its moment spread over it, at points
+    (s, 2, 2) [Pa]."""
     found = np.stack([values_at(component, at) for component in role.g], axis=-1)
     found = found - values_at(role.pressure, at)[..., None] * normal[:, None]
-    found = found + np.array(role.force) / sum(curve.length for curve in mesh.geometry.curves if curve.name == name)
+    found = found + np.array(role.force) / sum(
+        curve.length for curve in mesh.geometry.curves if curve.name == name
+    )
     if role.moment:
         length, (nodes, _, arms) = mesh.boundary.length[mesh.on(name)], edge_arms(mesh, name)
         arm = at - (mesh.points[nodes[0]] - arms[0])
@@ -96,14 +111,15 @@ def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> 
 
 
 ContactTraction = tuple[Array, Array]
-"""(s, 2) ξ_h at the Gauss points of the boundary segments, linear between contact nodes and zero off Γ_C, and
-dist(ξ_h, b̂(u_h,T)) there [Pa]."""
+"""(s, 2) ξ_h at the Gauss points of the boundary segments, linear between contact nodes and zero
+off Γ_C, and dist(ξ_h, b̂(u_h,T)) there [Pa]."""
 
 
 def contact_traction(
     mesh: PlaneMesh, line: ContactLine, law: Laws | EdgeLaws, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
-    """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
+    """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held
+    nodes."""
     edges, on, segments = mesh.boundary, line.which, line.segments
     ends_xi, ends_slip = (line.nodal(x, mesh.n_points, np.nan)[segments] for x in (xi, u_T))
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
@@ -111,7 +127,9 @@ def contact_traction(
     held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent(edges.normal[on]))
     ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
     traction = np.stack([(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS], axis=1)
-    slip = np.stack([ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS], axis=1)
+    slip = np.stack(
+        [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS], axis=1
+    )
     at = np.repeat(line.segment_edge, 2), edges.at[on].reshape(-1, 2)
     low, high = law_along(law, line.edge_names, *at).interval(slip.ravel())
     result, defect = np.zeros((2, len(mesh.segments), 2))
@@ -149,7 +167,9 @@ def pieces_of(mesh: PlaneMesh, scene: Scene) -> Pieces:
     segments = np.searchsorted(keys, of[mesh.owner][:, None] * n + mesh.segments)
     split = mesh
     if len(scene.pieces) > 1:
-        split = replace(mesh, points=mesh.points[keys % n], triangles=corners.reshape(-1, 3), segments=segments)
+        split = replace(
+            mesh, points=mesh.points[keys % n], triangles=corners.reshape(-1, 3), segments=segments
+        )
     twin = mesh.sides_at(mesh.sides[:, ::-1])
     first = np.flatnonzero((twin >= 0) & (of[np.arange(len(twin)) // 3] < of[twin // 3]))
     ends = np.stack([split.sides[first], split.sides[twin[first], ::-1]])
@@ -159,13 +179,17 @@ def pieces_of(mesh: PlaneMesh, scene: Scene) -> Pieces:
 def energy_squares(
     pieces: Pieces, u: Array, theta: Array, scene: Scene, friction: ContactTraction
 ) -> tuple[Array, float]:
-    """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
+    """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a
+    temperature θ (n,)."""
     mesh = pieces.mesh
     u, theta = u.reshape(2, -1)[:, pieces.node].ravel(), theta[pieces.node]
     lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
     own = own_strain(mesh, u)
     recovered = mesh.recovery @ own
-    at_nodes = (np.array([getattr(m, name) for _, m in scene.pieces])[pieces.piece] for name in ("lam", "mu", "beta"))
+    at_nodes = (
+        np.array([getattr(m, name) for _, m in scene.pieces])[pieces.piece]
+        for name in ("lam", "mu", "beta")
+    )
     lam_n, mu_n, beta_n = at_nodes
     sigma = stress_of(recovered, lam_n, mu_n) - (beta_n * theta)[:, None] * [1.0, 1.0, 0.0]
     squares = strain_energy(mesh, recovered[mesh.triangles] - own[:, None], lam, mu)
@@ -182,20 +206,33 @@ def energy_squares(
     return squares, float(np.sqrt(norm))
 
 
-def edge_residual(mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, friction: ContactTraction) -> Array:
-    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) + 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle
-    [J/m]; a component has r_e where it is free, u_D where it is given.
+def edge_residual(
+    mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, friction: ContactTraction
+) -> Array:
+    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) + 2πμ/h_e ‖u_D − u_h‖²_e over the boundary
+    edges of each triangle [J/m]; a component has r_e where it is free, u_D where it is given.
 
     u: (2n,) the displacement;  sigma: (n, 3) σ* at the nodes
     """
-    edges, curves, roles, (xi, defect) = mesh.boundary, mesh.geometry.curves, dict(scene.boundary), friction
+    edges, curves, roles, (xi, defect) = (
+        mesh.boundary,
+        mesh.geometry.curves,
+        dict(scene.boundary),
+        friction,
+    )
     traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
-    moved, square, gap = on_segments(u.reshape(2, -1).T, mesh.segments), defect**2, np.zeros_like(xi)
+    moved, square, gap = (
+        on_segments(u.reshape(2, -1).T, mesh.segments),
+        defect**2,
+        np.zeros_like(xi),
+    )
     for index, curve in enumerate(curves):
         here, role = mesh.segment_curve == index, roles[curve.name]
         at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
         # what σn should be where it is free: what acts on the edge, −ξ_h t, and what springs take
-        target = acting(mesh, curve.name, replace(role, moment=None) if role.moment else role, at, axes[0])
+        target = acting(
+            mesh, curve.name, replace(role, moment=None) if role.moment else role, at, axes[0]
+        )
         target = target - xi[here][..., None] * axes[1][:, None]
         for k, d in zip(role.spring, axes, strict=True):
             target = target - k * np.einsum("sqd,sd->sq", moved[here], d)[..., None] * d[:, None]
@@ -207,7 +244,9 @@ def edge_residual(mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, frictio
             elif isinstance(role, Clamped) and given is not None and curve.straight:
                 gap[here] += (values_at(given, at) - np.einsum("sqd,sd->sq", moved[here], d)) ** 2
     mu = mesh.of_material(scene, "mu")[mesh.owner]
-    terms = edges.length**2 / (2.0 * np.pi * mu) * square.mean(axis=1) + 2.0 * np.pi * mu * gap.mean(axis=1)
+    terms = edges.length**2 / (2.0 * np.pi * mu) * square.mean(
+        axis=1
+    ) + 2.0 * np.pi * mu * gap.mean(axis=1)
     return mesh.from_segments(terms)
 
 
@@ -226,10 +265,14 @@ def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
     rest = np.mean((q + (k * (slope[:, 0, 0] + slope[:, 1, 1]))[:, None]) ** 2, axis=1) * mesh.area
 
     k_e = k[mesh.owner]
-    flux = k_e[:, None] * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
+    flux = k_e[:, None] * np.einsum(
+        "sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal
+    )
     for name, alpha, theta_bar in scene.exchange:
         robin = mesh.on(name)
-        flux[robin] += alpha * (on_segments(theta, mesh.segments)[robin] - values_at(theta_bar, edges.at[robin]))
+        flux[robin] += alpha * (
+            on_segments(theta, mesh.segments)[robin] - values_at(theta_bar, edges.at[robin])
+        )
     for name, into in scene.flux:
         flux[mesh.on(name)] -= values_at(into, edges.at[mesh.on(name)])
     for name, _ in scene.held_theta:
@@ -241,7 +284,8 @@ def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
 
 
 def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
-    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that a temperature, computed or known, puts into the displacement [J/m]."""
+    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that a temperature, computed or known, puts into the
+    displacement [J/m]."""
     lam, mu, beta, k = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta", "k"))
     factor = beta**2 / (lam + mu)
     if needs_heat_solve(scene):
@@ -268,7 +312,10 @@ def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
     both = np.stack([term, term])
     if needs_heat_solve(scene):
         gradient = mesh.recovery @ mesh.gradient(theta)
-        flows = (k_i[:, None, None] * on_segments(gradient, side) for k_i, side in zip(k, ends, strict=True))
+        flows = (
+            k_i[:, None, None] * on_segments(gradient, side)
+            for k_i, side in zip(k, ends, strict=True)
+        )
         heat = np.sum(np.subtract(*flows) * normal[:, None], axis=-1)
         term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * np.mean(heat**2, axis=1)
         both += beta**2 / (lam + mu) / np.where(k > 0.0, k, 1.0) * (length / np.pi) ** 2 * term

@@ -1,24 +1,35 @@
-"""The discrete problem on a mesh: which displacements are held, the contact line, P1 forms and loads.
+"""The discrete problem on a mesh: which displacements are held, the contact line, P1 forms and
+loads.
 
 Constraints:    Γ_D by component, u_N = 0 on Γ_C exactly, in a local frame where needed. At a node with one constrained
-                direction d it is (t, d) with t = (−d₂, d₁), so that the first local component is free and the second is
+                direction d it is (t, d) with t = (−d₂, d₁), so that the first local component is
+                free and the second is
                 fixed; on Γ_C that is (u_T, u_N). Two directions fix the node.
 Contact line:   its nodes in order, arclength, and the segment lengths c_i = meas(S_i) of method §2. A node that carries
-                no unknown (on the closure of Γ_D, or in a corner of Γ_C) gives its half cells to its free neighbours,
+                no unknown (on the closure of Γ_D, or in a corner of Γ_C) gives its half cells to
+                its free neighbours,
                 so that Σ c_i = meas(Γ_C) whatever the ends.
 Rigid edges:    one unknown for each component that nothing prescribes. With w the local unknowns of the nodes, w = T w'
-                where every row of an edge and a component is ± that of one node, the master; the stiffness becomes TᵀAT
-                and a load TᵀF, so that what acts on any node of the edge acts on the edge. A master on the contact line
-                is a contact unknown like any other. An edge that turns has three unknowns (a_x, a_y, φℓ), in rows of
-                two of its nodes: u = a + φ × (x − x_m), x_m the middle of the edge, ℓ the length of its longest arm;
-                TᵀF are then its resultants and its moment over ℓ. Left out: edges that turn and meet another support.
+                where every row of an edge and a component is ± that of one node, the master; the
+                stiffness becomes TᵀAT
+                and a load TᵀF, so that what acts on any node of the edge acts on the edge. A master
+                on the contact line
+                is a contact unknown like any other. An edge that turns has three unknowns (a_x,
+                a_y, φℓ), in rows of
+                two of its nodes: u = a + φ × (x − x_m), x_m the middle of the edge, ℓ the length of
+                its longest arm;
+                TᵀF are then its resultants and its moment over ℓ. Left out: edges that turn and
+                meet another support.
 Elasticity:     div σ + f = 0,  σ = λ tr ε(u) I + 2μ ε(u) − βθI, eqs. (1), (3);  a(u,v) = ∫cε(u):ε(v),
                 l_θ(v) = ∫f·v + β∫θ tr ε(v) + ∫_{Γ_N} g·v, eqs. (10), (11)
 Heat:           kΔθ + qχ_ω = 0,  −k∂θ/∂n = α(θ − θ̄) on Γ_θ, eqs. (2), (5);
                 k∫∇θ·∇φ + α∫_{Γ_θ}θφ = ∫_ω qφ + α∫_{Γ_θ}θ̄φ + ∫ flux φ, eq. (8)
-Discretisation: P1, displacements component-blocked (x of all nodes, then y). One assembly (div·div on vector-valued P1)
-                of G_cd[i, j] = ∫∂_cφ_i ∂_dφ_j serves all materials and the heat problem: ∫∇θ·∇φ is G_xx + G_yy,
-                ∫div u div v has the blocks G_cd, ∫2ε(u):ε(v) has G_xy and G_yx exchanged off the diagonal
+Discretisation: P1, displacements component-blocked (x of all nodes, then y). One assembly (div·div
+on vector-valued P1)
+                of G_cd[i, j] = ∫∂_cφ_i ∂_dφ_j serves all materials and the heat problem: ∫∇θ·∇φ is
+                G_xx + G_yy,
+                ∫div u div v has the blocks G_cd, ∫2ε(u):ε(v) has G_xy and G_yx exchanged off the
+                diagonal
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 """
 
@@ -48,16 +59,24 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
 
     Raises GeometryFailed where two edges prescribe different displacements at their common corner.
     """
-    parts: list[tuple[Indices, Array, Array, str]] = []  # d·u(node) = value: node, d, value, name of the edge
+    parts: list[
+        tuple[Indices, Array, Array, str]
+    ] = []  # d·u(node) = value: node, d, value, name of the edge
     for name, role in sorted(boundary, key=lambda item: not isinstance(item[1], Contact)):
         # contact first, so that its frame (t, n) wins where it stands alone
         if not isinstance(role, Contact | Clamped):
             continue
-        for own in (mesh.segment_curve == i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name):
+        for own in (
+            mesh.segment_curve == i
+            for i, curve in enumerate(mesh.geometry.curves)
+            if curve.name == name
+        ):
             nodes, first = np.unique(mesh.segments[own], return_index=True)
             normals = mesh.end_normals[own].reshape(-1, 2)[first]  # of the exact curve
             if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
-                raise GeometryFailed(f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES)
+                raise GeometryFailed(
+                    f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES
+                )
             directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
             if role.frame == "nt":
                 directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
@@ -65,16 +84,22 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
                 if component is not None:
                     parts.append((nodes, along, values_at(component, mesh.points[nodes]), name))
     names = [name for nodes, _, _, name in parts for _ in nodes]
-    node, direction, value = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:3])
+    node, direction, value = (
+        np.concatenate(column) for column in list(zip(*parts, strict=True))[:3]
+    )
     order = np.argsort(node, kind="stable")
     node, direction, value = node[order], direction[order], value[order]
     nodes, first, count = np.unique(node, return_index=True, return_counts=True)
     d0, v0, own = direction[first], value[first], np.repeat(np.arange(len(nodes)), count)
     sine = np.abs(_cross(d0[own], direction))
-    second = np.lexsort((-sine, own))[first]  # of every node the direction that is farthest from its first
+    second = np.lexsort((-sine, own))[
+        first
+    ]  # of every node the direction that is farthest from its first
     both, d1, v1 = sine[second] > SMOOTH, direction[second], value[second]
     det = np.where(both, _cross(d0, d1), 1.0)
-    pair = np.column_stack([(v0 * d1[:, 1] - v1 * d0[:, 1]) / det, (v1 * d0[:, 0] - v0 * d1[:, 0]) / det])
+    pair = np.column_stack(
+        [(v0 * d1[:, 1] - v1 * d0[:, 1]) / det, (v1 * d0[:, 0] - v0 * d1[:, 0]) / det]
+    )
     u = np.where(both[:, None], pair, v0[:, None] * d0)
     apart = np.abs(np.einsum("ij,ij->i", direction, u[own]) - value)
     wrong = np.flatnonzero(apart > 1e-9 * float(np.max(np.abs(value), initial=0.0)))
@@ -87,8 +112,14 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
             ("boundary",),
         )
     n, one, two, d = mesh.n_points, nodes[~both], nodes[both], d0[~both]
-    axes, fixed, values = np.tile(np.eye(2), (n, 1, 1)), np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
-    axes[one] = np.stack([np.column_stack([-d[:, 1], d[:, 0]]), d], axis=2)  # columns t = (−d₂, d₁) and d
+    axes, fixed, values = (
+        np.tile(np.eye(2), (n, 1, 1)),
+        np.zeros(2 * n, dtype=bool),
+        np.zeros(2 * n),
+    )
+    axes[one] = np.stack(
+        [np.column_stack([-d[:, 1], d[:, 0]]), d], axis=2
+    )  # columns t = (−d₂, d₁) and d
     fixed[one + n], values[one + n] = True, v0[~both]
     fixed[two] = fixed[two + n] = True
     values[two], values[two + n] = u[both].T
@@ -101,7 +132,9 @@ def values_at(scalar: Scalar, points: Array) -> Array:
         return np.full(points.shape[:-1], float(scalar))
     value = scalar.evaluate(points[..., 0], points[..., 1])
     if not np.all(np.isfinite(value)):
-        raise GeometryFailed(f"the expression {str(scalar)!r} is not finite everywhere on the mesh; correct it", ())
+        raise GeometryFailed(
+            f"the expression {str(scalar)!r} is not finite everywhere on the mesh; correct it", ()
+        )
     return value
 
 
@@ -148,9 +181,12 @@ class ContactLine:
 
     @cached_property
     def own_law(self) -> Indices:
-        """(s, 2) the contact unknown whose law half a segment has: its end, the other one at a joint or held end."""
+        """(s, 2) the contact unknown whose law half a segment has: its end, the other one at a
+        joint or held end."""
         own, joint = self.unknowns, np.isin(self.unknowns, self.joints.node)
-        return np.where((own < 0) | (joint & (own[:, ::-1] >= 0) & ~joint[:, ::-1]), own[:, ::-1], own)
+        return np.where(
+            (own < 0) | (joint & (own[:, ::-1] >= 0) & ~joint[:, ::-1]), own[:, ::-1], own
+        )
 
     @cached_property
     def lengths(self) -> Array:
@@ -159,7 +195,8 @@ class ContactLine:
 
     @cached_property
     def held(self) -> tuple[Indices, Indices]:
-        """(h,) the segments with an end that carries no unknown, in order, and 0 or 1, which of their ends it is."""
+        """(h,) the segments with an end that carries no unknown, in order, and 0 or 1, which of
+        their ends it is."""
         at, side = np.nonzero(self.unknowns < 0)
         return at, side
 
@@ -173,7 +210,9 @@ class ContactLine:
         """The segment of Γ_C that is nearest to a point, and where on it from 0 to 1."""
         along = self.ends[:, 1] - self.ends[:, 0]
         offset = np.asarray(at) - self.ends[:, 0]
-        t = np.clip(np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0)
+        t = np.clip(
+            np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0
+        )
         k = int(np.argmin(np.linalg.norm(offset - t[:, None] * along, axis=1)))
         return k, float(t[k])
 
@@ -203,7 +242,9 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     np.add.at(c, segments.T, halves.T)
     before, stops = np.cumsum(lengths) - lengths, np.cumsum([len(part) for part in parts])
     found: list[tuple[Indices, Array, Indices]] = []
-    for first, stop in zip([0, *stops[:-1]], stops, strict=True):  # each node once: as the start of its segment, or as
+    for first, stop in zip(
+        [0, *stops[:-1]], stops, strict=True
+    ):  # each node once: as the start of its segment, or as
         found.append((segments[first:stop, 0], before[first:stop], edge[first:stop]))
         if segments[stop - 1, 1] != segments[first, 0]:  # the end of an open part
             last = slice(stop - 1, stop)
@@ -216,13 +257,16 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     into = own[segments[:, 1]]
     meets = np.flatnonzero((into >= 0) & (on[into] != edge))
     joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
-    return ContactLine(nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, edge, joints)
+    return ContactLine(
+        nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, edge, joints
+    )
 
 
 def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
     """The directed segments in order along their chains.
 
-    Open parts start at the node that no segment ends in; closed ones at their first segment by rank.
+    Open parts start at the node that no segment ends in; closed ones at their first segment by
+    rank.
     """
     outgoing = {a: i for i, a in enumerate(segments[:, 0].tolist())}
     ends, by_rank = set(segments[:, 1].tolist()), np.argsort(rank, kind="stable").tolist()
@@ -252,8 +296,14 @@ def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frame
     for name, role in rigid:
         if role.moment is not None:
             nodes, _, arms = edge_arms(mesh, name)
-            taken = fixed | (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0)  # held or tied already
-            wrong = taken[nodes] | taken[nodes + n] | (np.abs(axes[nodes] - np.eye(2)) > SMOOTH).any(axis=(1, 2))
+            taken = (
+                fixed | (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0)
+            )  # held or tied already
+            wrong = (
+                taken[nodes]
+                | taken[nodes + n]
+                | (np.abs(axes[nodes] - np.eye(2)) > SMOOTH).any(axis=(1, 2))
+            )
             if wrong.any():
                 x, y = mesh.points[nodes[np.argmax(wrong)]]
                 what = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
@@ -270,7 +320,9 @@ def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frame
             nodes = nodes[np.argsort(~np.isin(nodes, contact), kind="stable")]
             row, sign = _rows_along(mesh, axes, fixed, nodes, c, name)
             if np.isin(nodes[1:2], contact).any():
-                raise GeometryFailed(f"the rigid edge {name} meets contact at both ends; give one component", EDGES)
+                raise GeometryFailed(
+                    f"the rigid edge {name} meets contact at both ends; give one component", EDGES
+                )
             columns[row[1:]], signs[row[1:]], fixed[row[1:]] = row[0], sign[1:] * sign[0], True
     parts = [(np.arange(2 * n), columns, signs), *turning]
     row, column, value = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -285,9 +337,12 @@ def unknown(role: Role) -> list[int]:
 
 
 def edge_arms(mesh: PlaneMesh, name: str) -> tuple[Indices, Array, Array]:
-    """(k,) nodes of an edge, (k,) their shares of its length and (k, 2) where they are from its middle [m]."""
+    """(k,) nodes of an edge, (k,) their shares of its length and (k, 2) where they are from its
+    middle [m]."""
     segments = mesh.segments[mesh.on(name)]
-    share = np.bincount(segments.ravel(), np.repeat(0.5 * mesh.boundary.length[mesh.on(name)], 2), mesh.n_points)
+    share = np.bincount(
+        segments.ravel(), np.repeat(0.5 * mesh.boundary.length[mesh.on(name)], 2), mesh.n_points
+    )
     nodes = np.flatnonzero(share)
     share = share[nodes] / share.sum()
     return nodes, share, mesh.points[nodes] - share @ mesh.points[nodes]
@@ -314,9 +369,13 @@ def _rows_along(
     wrong = np.flatnonzero((np.abs(np.abs(sign) - 1.0) > SMOOTH) | fixed[row])
     if len(wrong):
         x, y = mesh.points[nodes[wrong[0]]]
-        if not fixed[row[wrong[0]]]:  # u_N = 0 on an inclined line, along which alone the edge could move
+        if not fixed[
+            row[wrong[0]]
+        ]:  # u_N = 0 on an inclined line, along which alone the edge could move
             what = f"the rigid edge {name} meets an edge that holds it in a slanted direction at ({x:g}, {y:g})"
-            raise GeometryFailed(f"{what}; give it the role clamped, or let a free edge lie between the two", EDGES)
+            raise GeometryFailed(
+                f"{what}; give it the role clamped, or let a free edge lie between the two", EDGES
+            )
         what = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it at ({x:g}, {y:g})"
         raise GeometryFailed(f"{what}; give it u_{'xy'[c]}: 0", EDGES)
     return row, np.sign(sign)
@@ -337,18 +396,26 @@ NodeGraph = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 @dataclass(frozen=True)
 class ElasticForms:
-    """The matrices and loads of the elastic problem on one mesh, in x and y (2n rows), and products of gradients."""
+    """The matrices and loads of the elastic problem on one mesh, in x and y (2n rows), and products
+    of gradients."""
 
     mesh: PlaneMesh
-    _products: dict[Where, tuple[NodeGraph, Array]] = field(default_factory=dict, repr=False, compare=False)
+    _products: dict[Where, tuple[NodeGraph, Array]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     def products(self, where: Where = ()) -> tuple[NodeGraph, Array]:
-        """The graph of the nodes and G on it, (2, 2, nnz): [c, d, entry], with integrals over some regions."""
+        """The graph of the nodes and G on it, (2, 2, nnz): [c, d, entry], with integrals over some
+        regions."""
         if where not in self._products:
             u, v = self._space.TnT()
             divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
-            if where:  # a factor 0 elsewhere, since a form that is not defined there has no entries there either
-                divergences = self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
+            # a factor 0 elsewhere, since a form that is not defined there has no entries there
+            # either
+            if where:
+                divergences = (
+                    self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
+                )
             if not where or self.mesh.inside(where).any():
                 graph, G = _blocks(ngs.BilinearForm(divergences * ngs.dx).Assemble())
             else:  # of a factor that is 0 everywhere NGSolve makes no form
@@ -359,7 +426,9 @@ class ElasticForms:
 
     @cached_property
     def _space(self) -> Any:
-        return ngs.H1(self.mesh.mesh, order=1, dim=2)  # one vector a node: cheaper than the compound VectorH1
+        return ngs.H1(
+            self.mesh.mesh, order=1, dim=2
+        )  # one vector a node: cheaper than the compound VectorH1
 
     def conduction(self, k: Conductivity = ()) -> sp.csr_array:
         """∫k∇φ_i·∇φ_j, (n, n), dimensionless; k = 1 if none is given."""
@@ -369,7 +438,8 @@ class ElasticForms:
         return sp.csr_array((entries, columns, starts), shape=(n, n))
 
     def stiffness_of(self, moduli: Moduli, frames: Frames | None = None) -> sp.csr_array:
-        """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
+        """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR
+        in local rows."""
         graph, whole = self.products()
         A = np.empty_like(whole)
         for number, (where, lam, mu) in enumerate(moduli):
@@ -382,14 +452,18 @@ class ElasticForms:
         return _matrix(graph, A, frames)
 
     def expansion(self, theta: Array, where: Where = ()) -> Array:
-        """∫θ div φ_i over some regions for nodal values θ (n,): (2n,) [K m]; the load is β times that."""
+        """∫θ div φ_i over some regions for nodal values θ (n,): (2n,) [K m]; the load is β times
+        that."""
         mesh, whole = self.mesh, self.mesh.area * theta[self.mesh.triangles].mean(axis=1)
         pulled = (whole * mesh.inside(where) if where else whole)[:, None, None] * mesh.slopes
         corners = mesh.triangles.ravel()
-        return np.concatenate([np.bincount(corners, pulled[..., c].ravel(), mesh.n_points) for c in (0, 1)])
+        return np.concatenate(
+            [np.bincount(corners, pulled[..., c].ravel(), mesh.n_points) for c in (0, 1)]
+        )
 
     def springs(self, springs: Springs, frames: Frames | None = None) -> sp.csr_array:
-        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) [Pa], in x and y or in local rows."""
+        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) [Pa], in x and y or in local
+        rows."""
         u, v = self._space.TnT()
         n = ngs.specialcf.normal(2)
         t = ngs.CF((-n[1], n[0]))
@@ -402,8 +476,11 @@ class ElasticForms:
         return _matrix(graph, self.mesh.geometry.unit * S, frames)
 
 
-def edge_load(mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None) -> Array:
-    """∫ q φ_i over study edges, (n,); of q times a component of the outward normal where one is named."""
+def edge_load(
+    mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None
+) -> Array:
+    """∫ q φ_i over study edges, (n,); of q times a component of the outward normal where one is
+    named."""
     on, edges = mesh.on(*names), mesh.boundary
     size = edges.length[on] if normal is None else edges.length[on] * edges.normal[on, normal]
     return _load(mesh, density, mesh.segments[on], size, ngs.SEGM)
@@ -415,8 +492,11 @@ def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Arr
     return _load(mesh, density, mesh.triangles[inside], 2.0 * mesh.area[inside], ngs.TRIG)
 
 
-def _load(mesh: PlaneMesh, density: Scalar, nodes: NDArray[np.intp], size: Array, kind: Any) -> Array:
-    """∫ q φ_i over segments or triangles with these nodes (e, k) and sizes over that of the unit one (e,)."""
+def _load(
+    mesh: PlaneMesh, density: Scalar, nodes: NDArray[np.intp], size: Array, kind: Any
+) -> Array:
+    """∫ q φ_i over segments or triangles with these nodes (e, k) and sizes over that of the unit
+    one (e,)."""
     rule = ngs.IntegrationRule(kind, DEGREES[kind] if isinstance(density, Expression) else 1)
     corners, parts = mesh.points[nodes], np.zeros(nodes.shape)
     for at, weight in zip(rule.points, rule.weights, strict=True):
@@ -428,12 +508,16 @@ def _load(mesh: PlaneMesh, density: Scalar, nodes: NDArray[np.intp], size: Array
 def _blocks(form: Any) -> tuple[NodeGraph, Array]:
     """The pattern and the blocks (2, 2, nnz) of an assembled form of vectors."""
     values, columns, starts = form.mat.CSR()  # views, which die with the form
-    graph = np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32)
+    graph = (
+        np.array(np.asarray(starts).view(np.int64), dtype=np.int32),
+        np.array(columns, dtype=np.int32),
+    )
     return graph, np.array(np.asarray(values).reshape(-1, 2, 2).transpose(1, 2, 0), order="C")
 
 
 def _matrix(graph: NodeGraph, A: Array, frames: Frames | None) -> sp.csr_array:
-    """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x, then y columns.
+    """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x,
+    then y columns.
 
     With frames A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in.
     """
@@ -444,5 +528,7 @@ def _matrix(graph: NodeGraph, A: Array, frames: Frames | None) -> sp.csr_array:
         entries = np.flatnonzero(turned[rows] | turned[columns])
         left, right = axes[rows[entries]], axes[columns[entries]]
         A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
-    blocks = [[sp.csr_array((A[c, d], columns, starts), shape=(n, n)) for d in (0, 1)] for c in (0, 1)]
+    blocks = [
+        [sp.csr_array((A[c, d], columns, starts), shape=(n, n)) for d in (0, 1)] for c in (0, 1)
+    ]
     return sp.csr_array(sp.block_array(blocks, format="csr"))

@@ -1,17 +1,21 @@
-"""Bodies as shapes of the kernel: files of strangers, tried in a child process first, and curves with names.
+"""Bodies as shapes of the kernel: files of strangers, tried in a child process first, and curves
+with names.
 
-STEP and BREP files of strangers: a child process reads them first, as a bad one makes the kernel hang or crash.
+STEP and BREP files of strangers: a child process reads them first, as a bad one makes the kernel
+hang or crash.
 
-The child reads the file and measures all its faces and edges, as the package will. If it ends well within its time,
-the same steps are safe in this process.
+The child reads the file and measures all its faces and edges, as the package will. If it ends well
+within its time, the same steps are safe in this process.
 
 Body → Netgen/OpenCASCADE shape in which every boundary curve keeps its identity.
 
-Every outline, hole or file edge becomes one `Curve` with a mesh boundary name of its own (its `tag`), so that a study
-name may cover several curves and normals on Γ_C are those of the exact curve, not of the mesh.
+Every outline, hole or file edge becomes one `Curve` with a mesh boundary name of its own (its
+`tag`), so that a study name may cover several curves and normals on Γ_C are those of the exact
+curve, not of the mesh.
 
-The kernel's tolerances are lengths (1e-7, whatever the unit): bodies far from size 1 are handed to it in a unit of
-their own, a power of two [m], so that a body of micrometres is meshed like one of metres.
+The kernel's tolerances are lengths (1e-7, whatever the unit): bodies far from size 1 are handed to
+it in a unit of their own, a power of two [m], so that a body of micrometres is meshed like one of
+metres.
 """
 
 from __future__ import annotations
@@ -42,15 +46,19 @@ SECONDS, SECONDS_A_MEGABYTE = 5.0, 10.0
 MEMORY, MEMORY_A_BYTE = 2_000_000_000, 200
 """Memory that it may take [B]: a few words of a bad file make it ask for all there is."""
 SLOWER = 20.0
-"""Wall time over processor time on a machine that does other work; it alone counts where there is no other limit."""
-PROGRAM = "import sys; from tcstudy.fem.geometry import examine; examine(sys.argv[1], float(sys.argv[2]))"
+"""Wall time over processor time on a machine that does other work; it alone counts where there is
+no other limit."""
+PROGRAM = (
+    "import sys; from tcstudy.fem.geometry import examine; examine(sys.argv[1], float(sys.argv[2]))"
+)
 """What the child runs."""
 POINTS = 257
 """Places at which curves are looked at."""
 
 
 def file_fault(path: Path) -> str | None:
-    """What is wrong with a STEP or BREP file, None if the kernel can read it; judged once until the file changes."""
+    """What is wrong with a STEP or BREP file, None if the kernel can read it; judged once until the
+    file changes."""
     try:
         state = path.stat()
     except OSError as error:
@@ -65,7 +73,12 @@ def _fault(path: str, size: int, _changed: int) -> str | None:
     try:
         child = subprocess.run(
             [sys.executable, "-P", "-c", PROGRAM, path, str(seconds)],
-            env=os.environ | {"PYTHONPATH": os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])},
+            env=os.environ
+            | {
+                "PYTHONPATH": os.pathsep.join(
+                    [package, *filter(None, [os.environ.get("PYTHONPATH")])]
+                )
+            },
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -84,12 +97,16 @@ def _fault(path: str, size: int, _changed: int) -> str | None:
 
 
 def examine(path: str, seconds: float) -> None:
-    """Read a file and measure what is in it, within some processor time; for a process that may be lost."""
+    """Read a file and measure what is in it, within some processor time; for a process that may be
+    lost."""
     with suppress(ImportError):  # no such limit on Windows
         import resource
 
         used = resource.getrusage(resource.RUSAGE_SELF)
-        limit, memory = int(used.ru_utime + used.ru_stime + seconds) + 1, MEMORY + MEMORY_A_BYTE * os.path.getsize(path)
+        limit, memory = (
+            int(used.ru_utime + used.ru_stime + seconds) + 1,
+            MEMORY + MEMORY_A_BYTE * os.path.getsize(path),
+        )
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
@@ -105,16 +122,20 @@ Array = NDArray[np.float64]
 INTERFACE = "_interface"
 """Mesh boundary name of the edges inside the body (outlines of regions)."""
 FAR = 0.1
-"""Distance from the nearest edge, relative to the body, from which on a point of a study names no edge of a file."""
+"""Distance from the nearest edge, relative to the body, from which on a point of a study names no
+edge of a file."""
 CORNER = 1e-7
-"""Difference of distances, relative to the body, that leaves open which edge is meant; the kernel's own tolerance."""
+"""Difference of distances, relative to the body, that leaves open which edge is meant; the kernel's
+own tolerance."""
 SHORTEST = 1e-3
-"""Length of the shortest edge, in the kernel's unit, from which on the body is given to it with a size of about 1."""
+"""Length of the shortest edge, in the kernel's unit, from which on the body is given to it with a
+size of about 1."""
 HARMLESS = 0.1, 10.0
-"""Units [m] in place of which 1 serves as well: against such a body the tolerances are small, too."""
+"""Units [m] in place of which 1 serves as well: against such a body the tolerances are small,
+too."""
 AHEAD, NEAREST = 0.02, 1e-4
-"""How far from a corner it is looked which region lies there, over the length of the shortest edge, and in the kernel's
-unit at least: nearer to an edge it calls nothing inside."""
+"""How far from a corner it is looked which region lies there, over the length of the shortest edge,
+and in the kernel's unit at least: nearer to an edge it calls nothing inside."""
 
 
 @dataclass(frozen=True)
@@ -156,8 +177,13 @@ class Geometry:
 
     @cached_property
     def corners(self) -> tuple[Junction, ...]:
-        """Where pieces of the boundary and interfaces end: first those of the boundary, in the order of its curves."""
-        names, points, sides = {f"c{i}": curve.name for i, curve in enumerate(self.curves)}, list[Array](), list[Side]()
+        """Where pieces of the boundary and interfaces end: first those of the boundary, in the
+        order of its curves."""
+        names, points, sides = (
+            {f"c{i}": curve.name for i, curve in enumerate(self.curves)},
+            list[Array](),
+            list[Side](),
+        )
         edges = list(dict.fromkeys(self.shape.edges))  # an interface is an edge of two faces
         for edge in edges:
             for t, way in zip(edge.parameter_interval, (1.0, -1.0), strict=True):
@@ -171,31 +197,55 @@ class Geometry:
             together.setdefault(min(same), []).append(side)
         reach = max(AHEAD * min(edge.mass for edge in edges), NEAREST)
         corners = [self._corner(points[place], around, reach) for place, around in together.items()]
-        return tuple(sorted(corners, key=lambda c: (c.cut, int(c.sides[0].tag[1:]) if c.sides[0].name else 0)))
+        return tuple(
+            sorted(
+                corners, key=lambda c: (c.cut, int(c.sides[0].tag[1:]) if c.sides[0].name else 0)
+            )
+        )
 
     def _corner(self, at: Array, sides: list[Side], reach: float) -> Junction:
-        """The corner at a point of the shape, a cusp where no region is found. reach: how far from it to look."""
+        """The corner at a point of the shape, a cusp where no region is found. reach: how far from
+        it to look."""
         sides = sorted(sides, key=lambda side: math.atan2(*side.away[::-1]))
         turns = [math.atan2(*side.away[::-1]) for side in sides]
-        wedges, plain = list[tuple[float, str]](), len(sides) == 2 and all(side.name for side in sides)
-        for turn, angle in zip(turns, np.diff([*turns, turns[0] + 2.0 * math.pi]).tolist(), strict=True):
-            x, y = at + reach * np.array([math.cos(turn + 0.5 * angle), math.sin(turn + 0.5 * angle)])
+        wedges, plain = (
+            list[tuple[float, str]](),
+            len(sides) == 2 and all(side.name for side in sides),
+        )
+        for turn, angle in zip(
+            turns, np.diff([*turns, turns[0] + 2.0 * math.pi]).tolist(), strict=True
+        ):
+            x, y = at + reach * np.array(
+                [math.cos(turn + 0.5 * angle), math.sin(turn + 0.5 * angle)]
+            )
             there = occ.Vertex(occ.Pnt(x, y, 0))
-            outside = plain and any(region for _, region in wedges)  # as only the other of two wedges is
+            outside = plain and any(
+                region for _, region in wedges
+            )  # as only the other of two wedges is
             faces = () if outside else self.shape.faces
-            wedges.append((angle, next((f.name for f in faces if f.Distance(there) < 1e-3 * reach), "")))
-        first = next((i for i, (_, region) in enumerate(wedges) if region and not wedges[i - 1][1]), 0)
+            wedges.append(
+                (angle, next((f.name for f in faces if f.Distance(there) < 1e-3 * reach), ""))
+            )
+        first = next(
+            (i for i, (_, region) in enumerate(wedges) if region and not wedges[i - 1][1]), 0
+        )
         sides, wedges = [*sides[first:], *sides[:first]], [*wedges[first:], *wedges[:first]]
         last = next((i for i, (_, region) in enumerate(wedges) if not region), len(wedges))
         x, y = self.unit * at
-        return Junction((float(x), float(y)), tuple(sides[: last + 1]), tuple(wedges[:last]) or ((0.0, BODY),))
+        return Junction(
+            (float(x), float(y)), tuple(sides[: last + 1]), tuple(wedges[:last]) or ((0.0, BODY),)
+        )
 
     def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
-        """(study name, points (count, 2), unit normals (count, 2)) of every piece of the boundary."""
+        """(study name, points (count, 2), unit normals (count, 2)) of every piece of the
+        boundary."""
         found = []
         for edge in self.shape.edges:
             if edge.name != INTERFACE:
-                curve, values = self.curves[int(edge.name[1:])], [edge.Value(t) for t in _parameters(edge, count)]
+                curve, values = (
+                    self.curves[int(edge.name[1:])],
+                    [edge.Value(t) for t in _parameters(edge, count)],
+                )
                 points = self.unit * np.array([[value[0], value[1]] for value in values])
                 found.append((curve.name, points, curve.normal(points)))
         return found
@@ -212,12 +262,15 @@ def build(body: Body) -> Geometry:
     else:
         assert body.outline is not None
         loops = (*body.loops, *(region.loop for region in body.regions))
-        unit = _unit(body_size(body), min(edge_length(edge) for loop in loops for edge in loop.edges))
+        unit = _unit(
+            body_size(body), min(edge_length(edge) for loop in loops for edge in loop.edges)
+        )
         face = _face(body.outline, unit)
         for hole in body.holes:
             face = face - _face(hole, unit)
         curves = tuple(
-            Curve(edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge)) for edge in body.edges
+            Curve(edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge))
+            for edge in body.edges
         )
     size, finders = _size(face), [_occ_distance(edge) for edge in face.edges]
     if body.brep is None:
@@ -236,7 +289,8 @@ def build(body: Body) -> Geometry:
 
 
 def _unit(size: float, shortest: float) -> float:
-    """The unit [m] in which the kernel gets a body of this size and shortest edge [m]; a power of two, hence exact."""
+    """The unit [m] in which the kernel gets a body of this size and shortest edge [m]; a power of
+    two, hence exact."""
     unit = min(size, shortest / SHORTEST)
     low, high = HARMLESS
     return 1.0 if low <= unit <= high else 2.0 ** math.floor(math.log2(unit))
@@ -246,8 +300,12 @@ def _face(loop: Loop, unit: float) -> Any:
     def at(point: Point) -> Any:
         return occ.Pnt(point[0] / unit, point[1] / unit, 0)
 
-    arcs = ((at(edge.start), edge.through and at(edge.through), at(edge.end)) for edge in loop.edges)
-    return occ.Face(occ.Wire([occ.ArcOfCircle(a, c, b) if c else occ.Segment(a, b) for a, c, b in arcs]))
+    arcs = (
+        (at(edge.start), edge.through and at(edge.through), at(edge.end)) for edge in loop.edges
+    )
+    return occ.Face(
+        occ.Wire([occ.ArcOfCircle(a, c, b) if c else occ.Segment(a, b) for a, c, b in arcs])
+    )
 
 
 def _size(face: Any) -> float:
@@ -256,8 +314,11 @@ def _size(face: Any) -> float:
 
 
 def _occ_distance(edge: Any) -> Callable[[Array], float]:
-    """Distance through the kernel; the edge is named before regions are glued in, so it still exists."""
-    return lambda point: float(edge.Distance(occ.Vertex(occ.Pnt(float(point[0]), float(point[1]), 0))))
+    """Distance through the kernel; the edge is named before regions are glued in, so it still
+    exists."""
+    return lambda point: float(
+        edge.Distance(occ.Vertex(occ.Pnt(float(point[0]), float(point[1]), 0)))
+    )
 
 
 def _edge_distance(edge: Edge, unit: float) -> Callable[[Array], float]:
@@ -286,12 +347,17 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
 
 
 def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
-    """One plane face of a file, its edges named by the points that the study gives, and the unit it is in [m]."""
+    """One plane face of a file, its edges named by the points that the study gives, and the unit it
+    is in [m]."""
     if (fault := file_fault(record.path)) is not None:
-        raise GeometryFailed(f"{record.path.name}: {fault}; export the face again", ("body", "file"))
+        raise GeometryFailed(
+            f"{record.path.name}: {fault}; export the face again", ("body", "file")
+        )
     faces = list(occ.OCCGeometry(str(record.path), dim=2).shape.faces)
     if record.face >= len(faces):
-        raise GeometryFailed(f"{record.path.name}: has {len(faces)} faces, face {record.face} does not exist")
+        raise GeometryFailed(
+            f"{record.path.name}: has {len(faces)} faces, face {record.face} does not exist"
+        )
     face = faces[record.face]
     unit = _unit(record.scale * _size(face), record.scale * min(edge.mass for edge in face.edges))
     if record.scale != unit:
@@ -300,7 +366,9 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
     # not by the bounding box, which the kernel widens by an absolute tolerance
     heights = [abs(edge.Value(t)[2]) for edge in edges for t in _parameters(edge, 5)]
     if max(heights) > 1e-9 * _size(face):
-        raise GeometryFailed(f"{record.path.name}: face {record.face} does not lie in the plane z = 0")
+        raise GeometryFailed(
+            f"{record.path.name}: face {record.face} does not lie in the plane z = 0"
+        )
     names: list[str | None] = [record.other] * len(edges)
     for name, points in record.edges:
         for point in points:
@@ -312,11 +380,18 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
             f"{record.path.name}: the edge around ({where[0]:g}, {where[1]:g}) has no name; "
             "name it by a point under edges, or give `other`"
         )
-    return face, [_file_curve(edge, str(name), unit) for edge, name in zip(edges, names, strict=True)], unit
+    return (
+        face,
+        [_file_curve(edge, str(name), unit) for edge, name in zip(edges, names, strict=True)],
+        unit,
+    )
 
 
-def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size: float, unit: float) -> int:
-    """The edge that a point names; a point at none (wrong units) or at a corner (either edge) is refused."""
+def _edge_near(
+    record: BrepFace, edges: list[Any], name: str, point: Array, size: float, unit: float
+) -> int:
+    """The edge that a point names; a point at none (wrong units) or at a corner (either edge) is
+    refused."""
     distances = np.array([_occ_distance(edge)(point / unit) for edge in edges])
     best, *others = np.argsort(distances, kind="stable")
     where = f"{record.path.name}: the point ({point[0]:g}, {point[1]:g}) of edges.{name}"
@@ -327,7 +402,9 @@ def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size
             "give a point on the edge that is meant, in metres or with its unit"
         )
     if others and distances[others[0]] - distances[best] <= CORNER * size:
-        raise GeometryFailed(f"{where} is as near to two edges; give the middle of the edge that is meant")
+        raise GeometryFailed(
+            f"{where} is as near to two edges; give the middle of the edge that is meant"
+        )
     return int(best)
 
 
@@ -339,7 +416,8 @@ def _file_curve(edge: Any, name: str, unit: float) -> Curve:
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
 
     def normal(at: Array) -> Array:
-        """Across the tangents where the curve is closest: nearest sample, then a few projection steps."""
+        """Across the tangents where the curve is closest: nearest sample, then a few projection
+        steps."""
         found = []
         for point in at / unit:
             i = int(np.argmin(np.sum((points - point) ** 2, axis=1)))
@@ -348,7 +426,9 @@ def _file_curve(edge: Any, name: str, unit: float) -> Curve:
             for _ in range(8):
                 value, tangent = edge.Value(t), edge.Tangent(t)
                 length = np.hypot(tangent.x, tangent.y)
-                along = ((point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y) / length
+                along = (
+                    (point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y
+                ) / length
                 t = min(max(t + along / speed, grid[0]), grid[-1])
             tangent = edge.Tangent(t)
             found.append(np.array([-tangent.y, tangent.x]) / np.hypot(tangent.x, tangent.y))

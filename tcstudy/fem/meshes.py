@@ -1,18 +1,24 @@
-"""Netgen meshes of a body: one coarse mesh refined uniformly or where marked, or one mesh per element size.
+"""Netgen meshes of a body: one coarse mesh refined uniformly or where marked, or one mesh per
+element size.
 
-Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as conformity asks for): old
-nodes keep their numbers, new ones on arcs are put on the arc, names of edges and regions stay. Meshes are checked.
-Also here: the local frames of their nodes (made in fem/forms.py), and the meshes of a study that follow from its body.
+Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as
+conformity asks for): old nodes keep their numbers, new ones on arcs are put on the arc, names of
+edges and regions stay. Meshes are checked. Also here: the local frames of their nodes (made in
+fem/forms.py), and the meshes of a study that follow from its body.
 
 Graded meshes, towards the points where stresses are singular:
 Size:       h(r) = h (r/R)^(1−μ) at distance r < R from a singular point, h beyond, with h halved from level to level
-            and μ kept: about N ~ h⁻² triangles whatever μ, the smallest of size R (h/R)^(1/μ). P1 elements regain
-            ‖u − u_h‖ ~ N^(−½) if μ is less than the least singular exponent λ, u ~ r^λ; μ = λ/2 spreads the
+            and μ kept: about N ~ h⁻² triangles whatever μ, the smallest of size R (h/R)^(1/μ). P1
+            elements regain
+            ‖u − u_h‖ ~ N^(−½) if μ is less than the least singular exponent λ, u ~ r^λ; μ = λ/2
+            spreads the
             error evenly
 Points:     corners with an interior angle above π between equal edges, above π/2 where one of them slides (reflected
-            at it, the corner is one of twice the angle), and at any angle where clamped and free edges meet. Where
+            at it, the corner is one of twice the angle), and at any angle where clamped and free
+            edges meet. Where
             friction's shear meets an edge without any, u ~ r log r: graded with μ of ½ at least
-Literature: Babuška, Kellogg & Pitkäranta, Numer. Math. 33 (1979) 447–471; Raugel, C. R. Acad. Sci. Paris 286 (1978)
+Literature: Babuška, Kellogg & Pitkäranta, Numer. Math. 33 (1979) 447–471; Raugel, C. R. Acad. Sci.
+Paris 286 (1978)
             Williams, J. Appl. Mech. 19 (1952) 526–528 (angles)
 Left out:   ends of slip zones, which no one knows before; jumps of tractions along a straight edge (r log r)
 
@@ -47,13 +53,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 ENOUGH = 4
-"""Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two rings."""
+"""Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two
+rings."""
 FLAT = 1e-6
-"""Determinant of the scaled moments below which a patch is too flat for a fit and its mean is taken."""
+"""Determinant of the scaled moments below which a patch is too flat for a fit and its mean is
+taken."""
 
 
 class BoundaryEdges(NamedTuple):
-    """Of the s boundary segments, chords on arcs: length (s,), outer normal (s, 2), Gauss points (s, 2, 2)."""
+    """Of the s boundary segments, chords on arcs: length (s,), outer normal (s, 2), Gauss points
+    (s, 2, 2)."""
 
     length: Array
     normal: Array
@@ -89,7 +98,9 @@ class PlaneMesh(TriangleGeometry):
 
     def region(self, *names: str) -> str:
         """NGSolve pattern of the boundary curves that the study edges `names` consist of."""
-        return "|".join(f"c{i}" for i, curve in enumerate(self.geometry.curves) if curve.name in names)
+        return "|".join(
+            f"c{i}" for i, curve in enumerate(self.geometry.curves) if curve.name in names
+        )
 
     def on(self, *names: str) -> NDArray[np.bool_]:
         """(s,) boundary segments on the study edges of these names."""
@@ -106,7 +117,10 @@ class PlaneMesh(TriangleGeometry):
 
     def numbered(self, regions: Where) -> Indices:
         """(t,) which of some regions a triangle lies in, counted from 1; 0 outside of all."""
-        return sum((i * self.inside((name,)) for i, name in enumerate(regions, 1)), np.zeros(len(self.triangles), int))
+        return sum(
+            (i * self.inside((name,)) for i, name in enumerate(regions, 1)),
+            np.zeros(len(self.triangles), int),
+        )
 
     def of_material(self, scene: Scene, name: str) -> Array:
         """(t,) a number of the material of each triangle, 0 where it is not given."""
@@ -121,11 +135,14 @@ class PlaneMesh(TriangleGeometry):
         along = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(along, axis=1)
         normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-        return BoundaryEdges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
+        return BoundaryEdges(
+            length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None]
+        )
 
     @cached_property
     def end_normals(self) -> Array:
-        """(s, 2, 2) outward unit normals of the exact curves at both ends of every boundary segment."""
+        """(s, 2, 2) outward unit normals of the exact curves at both ends of every boundary
+        segment."""
         found = np.empty((len(self.segments), 2, 2))
         for i, curve in enumerate(self.geometry.curves):
             own = self.segment_curve == i
@@ -139,18 +156,22 @@ class PlaneMesh(TriangleGeometry):
         return self.sides_at(self.segments) // 3
 
     def from_segments(self, values: Array, which: Indices | slice = slice(None)) -> Array:
-        """(t,) sums of values on some boundary segments, all without `which`, over those of each triangle."""
-        return np.asarray(np.bincount(self.owner[which], values, minlength=len(self.triangles)), dtype=float)
+        """(t,) sums of values on some boundary segments, all without `which`, over those of each
+        triangle."""
+        return np.asarray(
+            np.bincount(self.owner[which], values, minlength=len(self.triangles)), dtype=float
+        )
 
     @cached_property
     def inner_points(self) -> Array:
-        """(t, 3, 2) points of a quadrature that is exact for degree 2, with a third of the area each [m]."""
+        """(t, 3, 2) points of a quadrature that is exact for degree 2, with a third of the area
+        each [m]."""
         return np.einsum("qk,tkd->tqd", INNER, self.corners)
 
     @cached_property
     def recovery(self) -> sp.csr_array:
-        """(n, t) the linear map from values on triangles to recovered values at nodes: fits on patches of one ring of
-        triangles, of two where one says too little."""
+        """(n, t) the linear map from values on triangles to recovered values at nodes: fits on
+        patches of one ring of triangles, of two where one says too little."""
         n, ring = self.n_points, self.incidence
         few = np.diff(ring.indptr) < ENOUGH
         few[self.segments] = True
@@ -168,8 +189,11 @@ class PlaneMesh(TriangleGeometry):
         size = np.sqrt(total(weight * np.einsum("ed,ed->e", offset, offset)) / whole)
         terms = np.column_stack([np.ones(len(node)), offset / size[node, None]])
         weight = weight / whole[node]
-        moments = np.array([[total(weight * a * b) for a in terms.T] for b in terms.T]).transpose(2, 0, 1)
-        # The fit's value at the node is the first coefficient: the first row of the inverse moments.
+        moments = np.array([[total(weight * a * b) for a in terms.T] for b in terms.T]).transpose(
+            2, 0, 1
+        )
+        # The fit's value at the node is the first coefficient: the first row of the inverse
+        # moments.
         first = np.tile([1.0, 0.0, 0.0], (n, 1))  # the mean
         sound = np.linalg.det(moments) > FLAT
         first[sound] = np.linalg.solve(moments[sound], first[sound][..., None])[..., 0]
@@ -228,17 +252,22 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
         return refine(coarser)
     start, maxh = time.perf_counter(), plan.maxh[level]
     try:  # so many uniform refinements, new nodes put on arcs, of a mesh that is coarser
-        made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh * 2**plan.refine / geometry.unit)
+        made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(
+            maxh=maxh * 2**plan.refine / geometry.unit
+        )
         for _ in range(plan.refine):
             made.Refine()
         mesh = ngs.Mesh(made)
     except Exception as error:
-        raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
+        raise GeometryFailed(
+            f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh"
+        ) from error
     return _extract(mesh, geometry, level, start)
 
 
 def refine(coarser: PlaneMesh, marked: NDArray[np.bool_] | None = None) -> PlaneMesh:
-    """The next level: four congruent children of every triangle, or the marked ones (t,) bisected; new nodes on arcs.
+    """The next level: four congruent children of every triangle, or the marked ones (t,) bisected;
+    new nodes on arcs.
 
     Raises GeometryFailed if it is not the body.
     """
@@ -254,9 +283,11 @@ def refine(coarser: PlaneMesh, marked: NDArray[np.bool_] | None = None) -> Plane
 
 @cache
 def triangles_a_second() -> float:
-    """Triangles that Netgen makes in a second of this processor, timed once on SAMPLE of them (an eighth of a second).
+    """Triangles that Netgen makes in a second of this processor, timed once on SAMPLE of them (an
+    eighth of a second).
 
-    Of a hundred times as many it makes a quarter fewer in a second; refining makes a hundred times more.
+    Of a hundred times as many it makes a quarter fewer in a second; refining makes a hundred times
+    more.
     """
     square = OCCGeometry(WorkPlane().Rectangle(1.0, 1.0).Face(), dim=2)
     start = time.process_time()
@@ -285,9 +316,14 @@ def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMe
         raise GeometryFailed("the mesh has a triangle without area; try a smaller maxh")
     triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
     own = TriangleGeometry(points, triangles)
-    segments = np.where((own.sides_at(segments) >= 0)[:, None], segments, segments[:, ::-1])  # the body on their left
+    segments = np.where(
+        (own.sides_at(segments) >= 0)[:, None], segments, segments[:, ::-1]
+    )  # the body on their left
     # bad geometry can mesh into something else
-    chords, curve = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1), curve[outer]
+    chords, curve = (
+        np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1),
+        curve[outer],
+    )
     slack, area = 1e-9 * geometry.area, 0.5 * float(np.abs(twice).sum())
     for i, exact in enumerate(geometry.curves):
         length = float(chords[curve == i].sum())
@@ -302,7 +338,9 @@ def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMe
         raise GeometryFailed(
             f"the mesh has area {area:g}, the body {geometry.area:g}; try a smaller maxh or simplify the outline"
         )
-    return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start)
+    return PlaneMesh(
+        points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start
+    )
 
 
 REACH = 0.25
@@ -316,7 +354,8 @@ Boundary = tuple[tuple[str, Role], ...]
 
 
 def singular_points(geometry: Geometry, boundary: Boundary, grading: float) -> dict[Point, float]:
-    """Corners of the body where stresses may be infinite [m], each with μ of meshes with this exponent there."""
+    """Corners of the body where stresses may be infinite [m], each with μ of meshes with this
+    exponent there."""
     roles, found = dict(boundary), dict[Point, float]()
     for corner in (one for one in geometry.corners if not one.cut):
         angle = math.fsum(angle for angle, _ in corner.wedges)
@@ -341,7 +380,8 @@ def _support(role: Role) -> str:
 def graded_mesh(
     first: PlaneMesh, plan: MeshPlan, level: int, coarser: PlaneMesh | None, boundary: Boundary
 ) -> PlaneMesh:
-    """The mesh of one level: the coarser one refined uniformly, then bisected until no triangle is too large.
+    """The mesh of one level: the coarser one refined uniformly, then bisected until no triangle is
+    too large.
 
     first: the mesh of size maxh, without grading;  coarser: the graded mesh of the level before
     Raises GeometryFailed if the mesher fails.
@@ -361,14 +401,16 @@ def graded_mesh(
 
 
 def graded_points(study: Study) -> dict[Point, float]:
-    """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
+    """Places that the meshes of a graded study are graded towards, each with its μ. Raises
+    GeometryFailed."""
     scene = study.scenes[0]
     graded = study.mesh.strategy is GRADED
     return singular_points(build(scene.body), scene.boundary, study.mesh.grading) if graded else {}
 
 
 class Meshes:
-    """The meshes of a study, one after the other, as far as they follow from the body and not from solutions.
+    """The meshes of a study, one after the other, as far as they follow from the body and not from
+    solutions.
 
     geometry: the body;  mesh: the one made last. Of an adaptive family the first mesh is made.
     """
@@ -386,7 +428,8 @@ class Meshes:
         self._first: PlaneMesh | None = None
 
     def next(self, level: int) -> PlaneMesh:
-        """The mesh of a level, after those of all levels before. Raises GeometryFailed if the mesher fails."""
+        """The mesh of a level, after those of all levels before. Raises GeometryFailed if the
+        mesher fails."""
         if self._plan.strategy is GRADED:
             self._first = self._first or mesh_at(self.geometry, self._plan, 0, None)
             self.mesh = graded_mesh(self._first, self._plan, level, self.mesh, self._boundary)

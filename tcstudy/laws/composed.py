@@ -1,12 +1,14 @@
-"""Laws made of other laws: by node and by row, at joints of edges, of straight pieces alone; and their derivatives.
+"""Laws made of other laws: by node and by row, at joints of edges, of straight pieces alone; and
+their derivatives.
 
-At a joint node i has the friction c' b'(s) + c'' b''(s), c' and c'' the parts of c_i on the two edges; so its law is
-b = (c' b' + c'' b'')/c_i: the trapezoidal rule on either side of the step in ∫_{Γ_C} j(x, u_T), of second order.
-With all of c_i given to one of the laws it is of first order.
+At a joint node i has the friction c' b'(s) + c'' b''(s), c' and c'' the parts of c_i on the two
+edges; so its law is b = (c' b' + c'' b'')/c_i: the trapezoidal rule on either side of the step in
+∫_{Γ_C} j(x, u_T), of second order. With all of c_i given to one of the laws it is of first order.
 
-Derivatives by a law's parameters are complex steps through the builders and the laws' own functions:
-f′(p) = Im f(p + ih)/h to the last digits, since nothing is subtracted (Squire & Trapp, SIAM Rev. 40 (1998) 110–112);
-h is so small that h² is lost beside every number. What is compared is the real part.
+Derivatives by a law's parameters are complex steps through the builders and the laws' own
+functions: f′(p) = Im f(p + ih)/h to the last digits, since nothing is subtracted (Squire & Trapp,
+SIAM Rev. 40 (1998) 110–112); h is so small that h² is lost beside every number. What is compared is
+the real part.
 """
 
 from __future__ import annotations
@@ -33,30 +35,43 @@ def nodal(
     stretched: ArrayLike = 1.0,
     moved: ArrayLike = 0.0,
 ) -> Laws:
-    """The laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes; the law itself where all nodes have the same.
+    """The laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes; the law itself where all nodes have the
+    same.
 
     laws:      the shared laws b, each one for all
     index:     (m,) which of them a node has
     stronger:  strength β_i ≥ 0, 0 for a gap in the bond
     stretched: σ_i > 0;  moved: a_i [m];  all (m,) or one number
 
-    Raises ValueError for a strength below 0, a stretch that is not above 0, or numbers that are not finite.
+    Raises ValueError for a strength below 0, a stretch that is not above 0, or numbers that are not
+    finite.
     """
     index = np.asarray(index, dtype=np.intp)
-    beta, sigma, a = (np.broadcast_to(np.asarray(x, dtype=float), index.shape) for x in (stronger, stretched, moved))
+    beta, sigma, a = (
+        np.broadcast_to(np.asarray(x, dtype=float), index.shape)
+        for x in (stronger, stretched, moved)
+    )
     if not (np.all(np.isfinite([beta, sigma, a])) and np.all(beta >= 0.0) and np.all(sigma > 0.0)):
-        raise ValueError("a node's law needs finite numbers, a strength of at least 0 and a stretch above 0")
+        raise ValueError(
+            "a node's law needs finite numbers, a strength of at least 0 and a stretch above 0"
+        )
     same: dict[Laws, int] = {}
     first = np.array([same.setdefault(law, k) for k, law in enumerate(laws)], dtype=np.intp)
     gap = (beta == 0.0) | np.array([law.vanishes for law in laws])[index]
-    rows = np.stack([np.where(gap, -1, first[index]), *(np.where(gap, 1.0, x) for x in (beta, sigma, a))], axis=1)
+    rows = np.stack(
+        [np.where(gap, -1, first[index]), *(np.where(gap, 1.0, x) for x in (beta, sigma, a))],
+        axis=1,
+    )
     used, at = np.unique(rows, axis=0, return_inverse=True)
-    distinct = [NONE if k < 0 else laws[int(k)].placed(b, s, shift) for k, b, s, shift in used.tolist()]
+    distinct = [
+        NONE if k < 0 else laws[int(k)].placed(b, s, shift) for k, b, s, shift in used.tolist()
+    ]
     return distinct[0] if len(distinct) == 1 else Laws.of(distinct, at.reshape(-1))
 
 
 def total(one: Laws, two: Laws) -> Laws:
-    """The law b' + b'', of two that have at most one exponential a piece; an odd one of odd ones, to the bit.
+    """The law b' + b'', of two that have at most one exponential a piece; an odd one of odd ones,
+    to the bit.
 
     It has the kinks of both, and one where b″ of two exponentials changes its sign.
     """
@@ -74,7 +89,11 @@ def total(one: Laws, two: Laws) -> Laws:
             if law.a[k]:
                 a = float(law.a[k] * np.exp(-law.r[k] * (s_0 - law.s_0[k])))
                 decays[float(law.r[k])] = decays.get(float(law.r[k]), 0.0) + a
-        (r, a), (r_2, a_2) = (*sorted(decays.items(), key=lambda x: abs(x[0])), (0.0, 0.0), (0.0, 0.0))[:2]
+        (r, a), (r_2, a_2) = (
+            *sorted(decays.items(), key=lambda x: abs(x[0])),
+            (0.0, 0.0),
+            (0.0, 0.0),
+        )[:2]
         row = (s_0, b_0, sum(float(law.q[k]) for law, k in pieces), a, r, a_2, r_2)
         ratio = -(a_2 * r_2**2) / (a * r**2) if a and a_2 else 0.0
         turn = s_0 + float(np.log(ratio)) / (r_2 - r) if ratio > 0.0 else np.nan
@@ -86,9 +105,15 @@ def total(one: Laws, two: Laws) -> Laws:
 
 
 def row_laws(laws: Sequence[Laws], factor: Array) -> Laws:
-    """The laws of a block, each scaled by the row's stiffness over that of the body; by node where one has them so."""
-    known: dict[tuple[int, float], int] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
-    rows = [known.setdefault((id(law), f), len(known)) for law, f in zip(laws, factor.tolist(), strict=True)]
+    """The laws of a block, each scaled by the row's stiffness over that of the body; by node where
+    one has them so."""
+    known: dict[
+        tuple[int, float], int
+    ] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
+    rows = [
+        known.setdefault((id(law), f), len(known))
+        for law, f in zip(laws, factor.tolist(), strict=True)
+    ]
     own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
     scaled = [law if f == 1.0 else law.placed(1.0 / f) for law, f in own]
     m = max((len(law.index) for law in scaled if not law.one), default=1)
@@ -117,20 +142,26 @@ NO_JOINTS = Joints()
 
 @dataclass(frozen=True)
 class EdgeLaws:
-    """Friction that differs along Γ_C: b(s) of an edge's law times its strength in x and y, 0 where the bond has a gap.
+    """Friction that differs along Γ_C: b(s) of an edge's law times its strength in x and y, 0 where
+    the bond has a gap.
 
     laws: (edge, law, strength); the edge "" is all of Γ_C
     """
 
     laws: tuple[tuple[str, Laws, float | Expression], ...]
 
-    def along(self, names: Sequence[str], edge: NDArray[np.integer], xy: Array) -> tuple[NDArray[np.intp], Array]:
-        """(m,) which of the laws a point has, and its strength there; of points at xy (m, 2) on edges by number.
+    def along(
+        self, names: Sequence[str], edge: NDArray[np.integer], xy: Array
+    ) -> tuple[NDArray[np.intp], Array]:
+        """(m,) which of the laws a point has, and its strength there; of points at xy (m, 2) on
+        edges by number.
 
         Raises ValueError for a strength below 0 or one that is no number.
         """
         own = [name for name, _, _ in self.laws]
-        index = np.array([own.index(name) if name in own else 0 for name in names], dtype=np.intp)[edge]
+        index = np.array([own.index(name) if name in own else 0 for name in names], dtype=np.intp)[
+            edge
+        ]
         strength = np.empty(len(index))
         for k, (_, _, factor) in enumerate(self.laws):
             x, y = xy[index == k].T
@@ -138,11 +169,16 @@ class EdgeLaws:
         if np.any(wrong := ~((strength >= 0.0) & np.isfinite(strength))):
             k = int(np.argmax(wrong))
             x, y = xy[k]
-            raise ValueError(f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); it must be 0 or more")
+            raise ValueError(
+                f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); it must be 0 or more"
+            )
         return index, strength
 
-    def factors(self, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints) -> Array:
-        """(L, m) the factor of every law in that of a node: its strength, at a joint times its part of c_i.
+    def factors(
+        self, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints
+    ) -> Array:
+        """(L, m) the factor of every law in that of a node: its strength, at a joint times its part
+        of c_i.
 
         NaN where a node has nothing of a law. Arguments and Raises as `along`.
         """
@@ -171,7 +207,8 @@ def law_along(
     xy: Array,
     joints: Joints = NO_JOINTS,
 ) -> Laws:
-    """The law of the contact line, or of points xy (m, 2) on it, which lie on the edges `names` by number (m,).
+    """The law of the contact line, or of points xy (m, 2) on it, which lie on the edges `names` by
+    number (m,).
 
     Raises ValueError for a strength below 0.
     """
@@ -184,7 +221,8 @@ def law_along(
 def laws_along(
     friction: EdgeLaws, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints
 ) -> tuple[list[tuple[str, Laws]], NDArray[np.intp], Array]:
-    """(edge, law) of the edges and after them of joints, (m,) which of them a node has, and its strength.
+    """(edge, law) of the edges and after them of joints, (m,) which of them a node has, and its
+    strength.
 
     A joint has (c' b' + c'' b'')/c_i of the edges that meet there, whose names its law has both.
     Raises ValueError for a strength below 0.
@@ -223,7 +261,8 @@ def derivative(numbers: Any) -> Any:
 class LawSlopes:
     """Derivatives by one parameter of a law, one for all; varied: the law of p + ih.
 
-    Where the law goes straight through a point that moves alone, the varied one has a bend that the law has not.
+    Where the law goes straight through a point that moves alone, the varied one has a bend that the
+    law has not.
     """
 
     law: Laws
@@ -232,7 +271,9 @@ class LawSlopes:
     @property
     def kinks(self) -> Array:
         """(K,) of the law's kinks [m per unit of p]."""
-        return derivative(self.varied.kinks[np.searchsorted(self.varied.kinks.real, self.law.kinks)])
+        return derivative(
+            self.varied.kinks[np.searchsorted(self.varied.kinks.real, self.law.kinks)]
+        )
 
     def value(self, s: Array, piece: NDArray[np.intp]) -> Array:
         """∂b_k/∂p at s of the law's named pieces (shape of s) [Pa per unit of p]."""
@@ -244,14 +285,16 @@ class LawSlopes:
         return derivative(self.varied.value(s, piece))
 
     def potential(self, s: Array) -> Array:
-        """∂j/∂p at s, which is no kink that moves, or the inner side of one (shape of s) [Pa m per unit of p].
+        """∂j/∂p at s, which is no kink that moves, or the inner side of one (shape of s) [Pa m per
+        unit of p].
 
         ∫₀ˢ ∂b/∂p, and of every kink on the way, which moves by κ′, κ′(b⁻ − b⁺).
         """
         return derivative(self.varied.j(s))
 
     def omega(self) -> float:
-        """∂ω/∂p: that of the slope at the end of a piece where b falls most; NaN where two do not agree."""
+        """∂ω/∂p: that of the slope at the end of a piece where b falls most; NaN where two do not
+        agree."""
         omega, slopes = self.law.omega, self.varied.end_slopes.ravel()
         if not np.isfinite(omega) or omega == 0.0:
             return 0.0 if omega == 0.0 else float("nan")
@@ -265,13 +308,15 @@ def agreed(changes: Array) -> float:
 
 
 def number_of(path: tuple[str, ...]) -> str:
-    """What a key path calls a number of a law: "delta", "points.2" for the b of the third point, "points.2.s"."""
+    """What a key path calls a number of a law: "delta", "points.2" for the b of the third point,
+    "points.2.s"."""
     n = next((n for n in (2, 3) if path[-n:][0] == POINTS), 1)
     return ".".join(path[-n:])
 
 
 def point_of(law: Laws, parameter: str) -> int:
-    """Which point of a law "points.2" or "points.2.s" means. Raises KeyError if it has none of this number."""
+    """Which point of a law "points.2" or "points.2.s" means. Raises KeyError if it has none of this
+    number."""
     made, (name, _, number) = law.made, parameter.removesuffix(".s").partition(".")
     points = made.values.get(POINTS, ()) if made and name == POINTS else ()
     if not number.isascii() or not number.isdigit() or int(number) >= len(points):
@@ -280,7 +325,8 @@ def point_of(law: Laws, parameter: str) -> int:
 
 
 def law_slopes(law: Laws, parameter: str) -> LawSlopes:
-    """Derivatives of a law by one of its parameters, by its `strength`, a factor of b, or by the b or s of a point.
+    """Derivatives of a law by one of its parameters, by its `strength`, a factor of b, or by the b
+    or s of a point.
 
     parameter: as `number_of` has it
     Raises KeyError if it has no such parameter, or if it is not known what it was made of.
@@ -288,7 +334,10 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
     made = law.made
     if made is None:
         raise KeyError(parameter)
-    values, factor = dict(made.values), stepped(made.strength) if parameter == "strength" else made.strength
+    values, factor = (
+        dict(made.values),
+        stepped(made.strength) if parameter == "strength" else made.strength,
+    )
     if parameter.startswith(f"{POINTS}."):
         at, of_s = point_of(law, parameter), parameter.endswith(".s")
         points = [(s, np.complex128(b)) for s, b in values[POINTS]]
@@ -300,31 +349,41 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
             raise KeyError(parameter)
         values[parameter] = stepped(values[parameter])
     varied = SHAPES[made.shape].builder(**values)
-    return LawSlopes(law, replace(varied, b_0=varied.b_0 * factor, q=varied.q * factor, a=varied.a * factor))
+    return LawSlopes(
+        law, replace(varied, b_0=varied.b_0 * factor, q=varied.q * factor, a=varied.a * factor)
+    )
 
 
-# -- straight pieces in the place of exponential ones -----------------------------------------------------------------
+# -- straight pieces in the place of exponential ones
+# -----------------------------------------------------------------
 
 MAX_CELLS = 100_000
 """Cells of one piece; a finer approximation than this is a mistake in the tolerance."""
 
 
 def piecewise_linear(law: Laws, tolerance: float, s_max: float) -> Laws:
-    """The law with every exponential piece replaced by chords, |b − b_h| ≤ tolerance · b_scale on [−s_max, s_max].
+    """The law with every exponential piece replaced by chords, |b − b_h| ≤ tolerance · b_scale on
+    [−s_max, s_max].
 
     tolerance: relative to law.b_scale
     s_max:     largest slip of interest [m]; beyond it the exponential part stays at its last value, and it is
                frozen earlier where what is left of it is below the tolerance
 
-    The exponential part is convex or concave, so the polygon of fewest sides has its inner corners at the distance of
-    the error on the side away from the curve's chords, and in the middle of every side the same distance on the other
-    (Chebyshev): √2 times fewer sides than chords. Kinks of the law are kept bitwise with the values there, and so is
+    The exponential part is convex or concave, so the polygon of fewest sides has its inner corners
+    at the distance of
+    the error on the side away from the curve's chords, and in the middle of every side the same
+    distance on the other
+    (Chebyshev): √2 times fewer sides than chords. Kinks of the law are kept bitwise with the values
+    there, and so is
     an odd law's symmetry.
-    Raises ValueError for a tolerance or s_max that is not positive, and GrowthError if the part that is cut off is
+    Raises ValueError for a tolerance or s_max that is not positive, and GrowthError if the part
+    that is cut off is
     what satisfied (15).
     """
     if not (tolerance > 0.0 and s_max > 0.0 and np.isfinite(s_max)):
-        raise ValueError(f"tolerance and s_max must be positive and finite, not {tolerance:g} and {s_max:g}")
+        raise ValueError(
+            f"tolerance and s_max must be positive and finite, not {tolerance:g} and {s_max:g}"
+        )
     if law.piecewise_linear:
         return law
     result = _polygon(law, tolerance * law.b_scale, s_max)
@@ -333,13 +392,18 @@ def piecewise_linear(law: Laws, tolerance: float, s_max: float) -> Laws:
 
 
 def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
-    """The same with an error in Pa; of two exponentials a piece the sum of those of each, with half the error."""
+    """The same with an error in Pa; of two exponentials a piece the sum of those of each, with half
+    the error."""
     if law.a_2 is not None and law.r_2 is not None:
         zero = np.zeros(len(law.q))
         one = Laws(law.name, law.kinks, law.s_0, law.b_0, law.q, law.a, law.r)
         two = Laws(law.name, law.kinks, law.s_0, zero, zero, law.a_2, law.r_2)
         return total(_polygon(one, 0.5 * allowed, s_max), _polygon(two, 0.5 * allowed, s_max))
-    ends, kinks, sides = np.concatenate([[-np.inf], law.kinks, [np.inf]]), list[float](), list[tuple[float, ...]]()
+    ends, kinks, sides = (
+        np.concatenate([[-np.inf], law.kinks, [np.inf]]),
+        list[float](),
+        list[tuple[float, ...]](),
+    )
     for k, (q, a, r, anchor) in enumerate(zip(law.q, law.a, law.r, law.s_0, strict=True)):
         left, right = ends[k : k + 2].tolist()
         corners, below = [left, right], [0.0, 0.0]
@@ -347,7 +411,10 @@ def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
             corners, below = _corners(abs(a), r, anchor, left, right, s_max, allowed)
         kinks += corners[1:] if k + 1 < len(law.q) else corners[1:-1]
         both = zip(corners, below, strict=True)
-        b = [float(law.value(s, k)) - math.copysign(z, a) if math.isfinite(s) else 0.0 for s, z in both]
+        b = [
+            float(law.value(s, k)) - math.copysign(z, a) if math.isfinite(s) else 0.0
+            for s, z in both
+        ]
         for (x, b_x), (y, b_y) in pairwise(zip(corners, b, strict=True)):
             if straight or corners == [-np.inf, np.inf]:
                 sides.append((anchor, law.b_0[k] + a, q))
@@ -363,12 +430,14 @@ def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
 def _corners(
     a: float, r: float, anchor: float, left: float, right: float, s_max: float, allowed: float
 ) -> tuple[list[float], list[float]]:
-    """Ends of the sides of a piece with a exp(−r (s − anchor)), a > 0, and how far they are below it; left and right
-    are the first and the last."""
+    """Ends of the sides of a piece with a exp(−r (s − anchor)), a > 0, and how far they are below
+    it; left and right are the first and the last."""
     if r < 0.0:  # the mirror image, so that an odd law stays odd to the bit
         corners, below = _corners(a, -r, -anchor, -right, -left, s_max, allowed)
         return [-s for s in corners[::-1]], below[::-1]
-    faded = anchor + math.log(a / (2.0 * allowed)) / r  # a constant serves for all that is left beyond
+    faded = (
+        anchor + math.log(a / (2.0 * allowed)) / r
+    )  # a constant serves for all that is left beyond
     first, last = max(left, -s_max), min(right, s_max)
     fades = not math.isfinite(right) and faded < last
     last = max(faded, first) if fades else last
@@ -383,7 +452,8 @@ def _corners(
 
 
 def _equal(allowed: float, length: float, tail: float) -> tuple[list[float], float]:
-    """(corners of the polygon for exp(−x) on [0, length], its error ≤ allowed): the fewest sides, the least error.
+    """(corners of the polygon for exp(−x) on [0, length], its error ≤ allowed): the fewest sides,
+    the least error.
 
     tail: how far the last corner lies below the curve
     """

@@ -9,14 +9,16 @@ A law is K kinks and K + 1 pieces, piece k being
 
     b_k(s) = b0_k + q_k (s − s0_k) + a_k exp(−r_k (s − s0_k))        between kink k−1 and kink k,
 
-which contains piecewise-linear laws (a = 0) and exponential decay in closed form; where edges with different laws meet
-a piece may have a second exponential. b′ is monotone on every piece. A piece hangs on its anchor s0_k, as a rule one of
-its ends, because the difference s − s0_k is exact where it matters: a piece a few roundings wide keeps the values at
-both ends, where p + q s would have lost all digits.
+which contains piecewise-linear laws (a = 0) and exponential decay in closed form; where edges with
+different laws meet a piece may have a second exponential. b′ is monotone on every piece. A piece
+hangs on its anchor s0_k, as a rule one of its ends, because the difference s − s0_k is exact where
+it matters: a piece a few roundings wide keeps the values at both ends, where p + q s would have
+lost all digits.
 
-Many laws are padded tables, one row a law; an index says which of them a node, or a row and node, has. A piece is named
-by its address, law·(K+1) + piece, so that values of a thousand laws cost what values of one do; a kink has the address
-of the piece to its left. The numbers may be complex, with a derivative in their imaginary parts (`composed`).
+Many laws are padded tables, one row a law; an index says which of them a node, or a row and node,
+has. A piece is named by its address, law·(K+1) + piece, so that values of a thousand laws cost what
+values of one do; a kink has the address of the piece to its left. The numbers may be complex, with
+a derivative in their imaginary parts (`composed`).
 """
 
 from __future__ import annotations
@@ -34,12 +36,14 @@ Flags = NDArray[np.bool_]
 Slips = Array | float
 
 UP, BEND, DOWN = 1, 0, -1
-"""Kinds of kink: up-jump (convex kink of j, sticking), change of slope only, down-jump (concave)."""
+"""Kinds of kink: up-jump (convex kink of j, sticking), change of slope only, down-jump
+(concave)."""
 
 REGIONS = ("bare", "elastic", "yielded", "softening", "debonded")
 BARE, ELASTIC, YIELDED, SOFTENING, DEBONDED = range(len(REGIONS))
-"""What a law does on a piece, outwards from s = 0: it is 0; it rises from 0 along its first piece; it does neither that
-nor fall, and falls further out or nowhere; it falls; it has fallen and does not fall any more."""
+"""What a law does on a piece, outwards from s = 0: it is 0; it rises from 0 along its first piece;
+it does neither that nor fall, and falls further out or nowhere; it falls; it has fallen and does
+not fall any more."""
 
 NARROW = 32.0
 """Roundings of the slip up to which a piece is narrow (`Laws.without_narrow_pieces`)."""
@@ -127,7 +131,10 @@ class LawPieces:
     @Fact
     def exponentials(self) -> tuple[tuple[Array, Array], ...]:
         """(a, r) of the exponentials that some piece has."""
-        pairs = ((self.a, self.r), *([(self.a_2, self.r_2)] if self.a_2 is not None and self.r_2 is not None else []))
+        pairs = (
+            (self.a, self.r),
+            *([(self.a_2, self.r_2)] if self.a_2 is not None and self.r_2 is not None else []),
+        )
         return tuple((a, r) for a, r in pairs if np.any(a))
 
     @property
@@ -138,7 +145,9 @@ class LawPieces:
     @Fact
     def bent(self) -> Flags:
         """(…, K+1) pieces with an exponential part."""
-        return np.asarray(sum((a != 0.0 for a, _ in self.exponentials), np.zeros(self.q.shape, dtype=bool)))
+        return np.asarray(
+            sum((a != 0.0 for a, _ in self.exponentials), np.zeros(self.q.shape, dtype=bool))
+        )
 
     @Fact
     def rate(self) -> Array:
@@ -153,7 +162,9 @@ class LawPieces:
         if self.a_2 is None:
             return np.asarray(self.a < 0.0)
         low, high, apart = self.lower, self.upper, 1.0 / np.where(self.rate > 0.0, self.rate, 1.0)
-        inside = np.where(np.isfinite(low), low + apart, np.where(np.isfinite(high), high - apart, self.s_0))
+        inside = np.where(
+            np.isfinite(low), low + apart, np.where(np.isfinite(high), high - apart, self.s_0)
+        )
         both = np.isfinite(low) & np.isfinite(high)
         inside[both] = 0.5 * (low[both] + high[both])
         return np.asarray(self.bend(inside, self.addresses) < 0.0)
@@ -180,7 +191,8 @@ class LawPieces:
 
     @Fact
     def _beside(self) -> tuple[Array, Array, Array]:
-        """(…, K+1) each: b left and right of the kink at the end of every piece, 0 without one, and their rounding."""
+        """(…, K+1) each: b left and right of the kink at the end of every piece, 0 without one, and
+        their rounding."""
         real = np.isfinite(self.upper)
         s, found, noise = np.where(real, self.upper, self.s_0), [], np.zeros(self.q.shape)
         for address in (self.addresses, self.addresses + real):
@@ -200,7 +212,8 @@ class LawPieces:
 
     @Fact
     def kind_above(self) -> NDArray[np.int8]:
-        """(…, K+1) UP, BEND where b is continuous to rounding, or DOWN: of the kink at the right end of every piece."""
+        """(…, K+1) UP, BEND where b is continuous to rounding, or DOWN: of the kink at the right
+        end of every piece."""
         left, right, noise = self._beside
         jump = np.real(right - left)
         return np.where(np.abs(jump) <= noise, BEND, np.sign(jump)).astype(np.int8)
@@ -212,15 +225,22 @@ class LawPieces:
 
     @Fact
     def end_slopes(self) -> Array:
-        """(2, …, K+1) b′ at both ends of every piece, which bound it in between, limits at ±∞ included [Pa/m]."""
+        """(2, …, K+1) b′ at both ends of every piece, which bound it in between, limits at ±∞
+        included [Pa/m]."""
         finite = [np.isfinite(ends) for ends in (self.lower, self.upper)]
-        at = [np.where(known, s, self.s_0) for known, s in zip(finite, (self.lower, self.upper), strict=True)]
+        at = [
+            np.where(known, s, self.s_0)
+            for known, s in zip(finite, (self.lower, self.upper), strict=True)
+        ]
         slopes = (self.slope(s, self.addresses) for s in at)
-        return np.stack([np.where(known, b, self.q) for known, b in zip(finite, slopes, strict=True)])
+        return np.stack(
+            [np.where(known, b, self.q) for known, b in zip(finite, slopes, strict=True)]
+        )
 
     @Fact
     def falls(self) -> Array:
-        """(…) steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0; infinite with a down-jump (method §5) [Pa/m]."""
+        """(…) steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0; infinite with a down-jump (method
+        §5) [Pa/m]."""
         steepest = 0.0 + np.maximum(0.0, -np.min(self.end_slopes, axis=(0, -1)))
         return np.asarray(np.where(np.any(self.kinds == DOWN, axis=-1), np.inf, steepest))
 
@@ -229,8 +249,14 @@ class LawPieces:
         """(…, K+1) which of REGIONS every piece is."""
         slopes, zero = self.end_slopes, np.clip(0.0, self.lower, self.upper)
         zero = np.where(np.isfinite(zero), zero, self.s_0)
-        value, noise = self.value(zero, self.addresses), 8 * np.finfo(float).eps * self.terms(zero, self.addresses)
-        softens, flat = slopes.sum(axis=0) < 0.0, np.all(slopes == 0.0, axis=0)  # b′ is monotone on a piece
+        value, noise = (
+            self.value(zero, self.addresses),
+            8 * np.finfo(float).eps * self.terms(zero, self.addresses),
+        )
+        softens, flat = (
+            slopes.sum(axis=0) < 0.0,
+            np.all(slopes == 0.0, axis=0),
+        )  # b′ is monotone on a piece
         found = np.where(flat & (value == 0.0), BARE, YIELDED).astype(np.int8)
         found[(zero == 0.0) & (np.abs(value) <= noise) & ~flat] = ELASTIC
         found[softens] = SOFTENING
@@ -239,7 +265,9 @@ class LawPieces:
             ends = (self.kinds == DOWN) & (outwards * self.kinks >= 0.0)
             falls, ends = (softens & side)[turn], ends[turn]
             none = np.zeros((*ends.shape[:-1], 1), dtype=bool)
-            inside = np.logical_or.accumulate(np.append(none, falls[..., :-1] | ends, axis=-1), axis=-1)
+            inside = np.logical_or.accumulate(
+                np.append(none, falls[..., :-1] | ends, axis=-1), axis=-1
+            )
             beyond = np.append(ends, none, axis=-1) | falls
             beyond = np.logical_or.accumulate(beyond[..., ::-1], axis=-1)[..., ::-1]
             found[(inside & ~beyond)[turn] & side] = DEBONDED
@@ -247,9 +275,15 @@ class LawPieces:
 
     @Fact
     def scales(self) -> Array:
-        """(…) largest |b| at the kinks and, where bounded, at infinity; 0 for a law without either [Pa]."""
-        ends = [np.where(self.q[..., k] == 0.0, np.abs(self.b_0[..., k]), 0.0)[..., None] for k in (0, -1)]
-        return np.asarray(np.max(np.abs(np.concatenate([self.b_left, self.b_right, *ends], axis=-1)), axis=-1))
+        """(…) largest |b| at the kinks and, where bounded, at infinity; 0 for a law without either
+        [Pa]."""
+        ends = [
+            np.where(self.q[..., k] == 0.0, np.abs(self.b_0[..., k]), 0.0)[..., None]
+            for k in (0, -1)
+        ]
+        return np.asarray(
+            np.max(np.abs(np.concatenate([self.b_left, self.b_right, *ends], axis=-1)), axis=-1)
+        )
 
     def value(self, s: Slips, piece: Index | int) -> Array:
         """b of the addressed pieces, without asking whether s lies in them [Pa]."""
@@ -265,7 +299,8 @@ class LawPieces:
         return tuple(x.take(piece) for x in self.pieces)
 
     def terms(self, s: Array, piece: Index) -> Array:
-        """Sum of the magnitudes that b of the addressed pieces is made of: what rounding goes with [Pa]."""
+        """Sum of the magnitudes that b of the addressed pieces is made of: what rounding goes with
+        [Pa]."""
         apart = s - self.s_0.take(piece)
         terms = np.abs(self.b_0.take(piece)) + np.abs(self.q.take(piece) * apart)
         for a, r in self.exponentials:
@@ -284,7 +319,12 @@ class LawPieces:
     def bend(self, s: Array, piece: Index) -> Array:
         """b″ of the addressed pieces [Pa/m²]."""
         apart = s - self.s_0.take(piece)
-        return np.asarray(sum((r.take(piece) ** 2 * _decay(a, r, apart, piece) for a, r in self.exponentials), 0.0 * s))
+        return np.asarray(
+            sum(
+                (r.take(piece) ** 2 * _decay(a, r, apart, piece) for a, r in self.exponentials),
+                0.0 * s,
+            )
+        )
 
     def kink(self, address: Index) -> Array:
         """Slips of the named kinks, ∞ without one [m]."""
@@ -304,17 +344,23 @@ class LawPieces:
         return np.where(at.on, self.kind_above.take(at.piece), np.int8(BEND))
 
     def next_up_jump(self, at: Place, direction: Array | float) -> Array:
-        """First up-jump strictly beyond the slips at `at` in the sign of `direction`, ±∞ if there is none [m]."""
+        """First up-jump strictly beyond the slips at `at` in the sign of `direction`, ±∞ if there
+        is none [m]."""
         before, after = self._up_jumps
-        return np.where(np.asarray(direction) > 0.0, after.take(at.piece + at.on), before.take(at.piece))
+        return np.where(
+            np.asarray(direction) > 0.0, after.take(at.piece + at.on), before.take(at.piece)
+        )
 
     @Fact
     def _up_jumps(self) -> tuple[Array, Array]:
-        """(…, K+1) each: last up-jump up to the left end of every piece, first from its right end on; ∓∞ if none."""
+        """(…, K+1) each: last up-jump up to the left end of every piece, first from its right end
+        on; ∓∞ if none."""
         jumps = np.where(self.kinds == UP, self.kinks, np.nan)
         edge = np.full((*jumps.shape[:-1], 1), np.inf)
         before = np.fmax.accumulate(np.concatenate([-edge, jumps], axis=-1), axis=-1)
-        after = np.fmin.accumulate(np.concatenate([jumps, edge], axis=-1)[..., ::-1], axis=-1)[..., ::-1]
+        after = np.fmin.accumulate(np.concatenate([jumps, edge], axis=-1)[..., ::-1], axis=-1)[
+            ..., ::-1
+        ]
         return before, np.ascontiguousarray(after)
 
     def piece_integral(self, piece: Index | int, x: Slips, y: Slips) -> Array:
@@ -328,7 +374,8 @@ class LawPieces:
 
     @Fact
     def primitive(self) -> tuple[Array, Array]:
-        """(…, K+1) each: ∫ b to the left and to the right end of every piece, 0 outside, from the kink next to 0.
+        """(…, K+1) each: ∫ b to the left and to the right end of every piece, 0 outside, from the
+        kink next to 0.
 
         Summed outwards, so that it is even to the bit for an odd law.
         """
@@ -343,17 +390,26 @@ class LawPieces:
         return start - before, after - np.concatenate([before[..., 1:], none], axis=-1)
 
     def check_growth(self) -> None:
-        """Raise GrowthError unless (15) and (16) hold: b eventually opposes slip and grows at most linearly."""
+        """Raise GrowthError unless (15) and (16) hold: b eventually opposes slip and grows at most
+        linearly."""
         if not all(np.all(np.isfinite(x)) for x in (self.kinks, *self.pieces)):
-            raise GrowthError("the law has a value that is not finite, so |b(s)| ≤ C(1+|s|), eq. (16), fails")
+            raise GrowthError(
+                "the law has a value that is not finite, so |b(s)| ≤ C(1+|s|), eq. (16), fails"
+            )
         if np.any(np.diff(self.kinks) <= 0):
             raise GrowthError("the kinks of the law are not in increasing order of slip")
         for piece, sign, side in ((-1, 1.0, "s → +∞"), (0, -1.0, "s → −∞")):
             b_0, q = sign * self.b_0[piece], self.q[piece]
-            tails = [(sign * r[piece], sign * a[piece]) for a, r in self.exponentials if a[piece] != 0.0]
+            tails = [
+                (sign * r[piece], sign * a[piece]) for a, r in self.exponentials if a[piece] != 0.0
+            ]
             if any(rate < 0.0 for rate, _ in tails):
-                raise GrowthError(f"b grows exponentially as {side}, so |b(s)| ≤ C(1+|s|), eq. (16), fails")
-            if q < 0.0 or (q == 0.0 and (b_0 < 0.0 or (b_0 == 0.0 and min(tails, default=(0.0, 0.0))[1] < 0.0))):
+                raise GrowthError(
+                    f"b grows exponentially as {side}, so |b(s)| ≤ C(1+|s|), eq. (16), fails"
+                )
+            if q < 0.0 or (
+                q == 0.0 and (b_0 < 0.0 or (b_0 == 0.0 and min(tails, default=(0.0, 0.0))[1] < 0.0))
+            ):
                 raise GrowthError(
                     f"b ends with the wrong sign as {side} (last slope {q:g}, last value {sign * b_0:g}), "
                     "so eq. (15) fails: friction must not push the slip on for large |s|"
@@ -372,5 +428,7 @@ def _decay_integral(s_0: Array, a: Array, r: Array, x: Array, y: Array) -> Array
     # from the end where the exponential is larger, so that expm1 cannot overflow
     falls = np.real(r * step) >= 0.0
     decay = np.where(falls, r * step, -r * step)
-    length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
+    length = np.where(
+        decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay)
+    )
     return np.asarray(a * np.exp(-r * (np.where(falls, x, y) - s_0)) * length)

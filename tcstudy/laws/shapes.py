@@ -1,8 +1,10 @@
-"""The named shapes of friction laws: their parameters, the checks of their values, and the pieces of the law.
+"""The named shapes of friction laws: their parameters, the checks of their values, and the pieces
+of the law.
 
-Every shape but a non-odd piecewise-linear one is odd, b(−s) = −b(s), and is written down for s > 0 only;
-the mirror image changes signs and nothing else, so the symmetry holds to the bit. b(0+) > 0 is the sticking
-up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jovanović (2010).
+Every shape but a non-odd piecewise-linear one is odd, b(−s) = −b(s), and is written down for s > 0
+only; the mirror image changes signs and nothing else, so the symmetry holds to the bit. b(0+) > 0
+is the sticking up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jovanović
+(2010).
 """
 
 from __future__ import annotations
@@ -22,13 +24,15 @@ from tcstudy.laws.laws import Laws, Made
 
 MAX_TEETH = 10_000
 ROUNDING = 2 * float(np.finfo(float).eps)
-"""Corners nearer than this to the straight line between their neighbours, relative to b there, are none."""
+"""Corners nearer than this to the straight line between their neighbours, relative to b there, are
+none."""
 
 Builder = TypeVar("Builder", bound=Callable[..., Laws])
 
 
 class LawError(ValueError):
-    """A parameter of a friction law is missing, unknown or has no meaning; the text gives the remedy.
+    """A parameter of a friction law is missing, unknown or has no meaning; the text gives the
+    remedy.
 
     parameter: its name
     """
@@ -57,7 +61,9 @@ class _Piece(NamedTuple):
 
     def goes_on_as(self, other: _Piece) -> bool:
         """True if both are the same function; a constant has no anchor."""
-        return self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
+        return self[1:] == other[1:] and (
+            self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0)
+        )
 
 
 def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
@@ -65,7 +71,11 @@ def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
     keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
     kept = [pieces[0], *(pieces[i + 1] for i in keep)]
     columns = (np.array(column) + 0.0 for column in zip(*kept, strict=True))
-    return Laws(name, np.array([kinks[i] for i in keep], dtype=complex if _varied(*kinks) else float), *columns)
+    return Laws(
+        name,
+        np.array([kinks[i] for i in keep], dtype=complex if _varied(*kinks) else float),
+        *columns,
+    )
 
 
 def _varied(*numbers: float | None) -> bool:
@@ -104,7 +114,9 @@ LENGTH, TRACTION, STIFFNESS, ENERGY = "m", "Pa", "Pa/m", "J/m^2"
 _traction = partial(LawParameter, dimension=TRACTION, bound="not negative")
 _slip = partial(LawParameter, dimension=LENGTH, bound="positive")
 _TAU = _traction("tau", "traction, of a saw-tooth its first peak")
-_DELTA = _slip("delta", "slip over which b falls, of a saw-tooth the width of a tooth", example="40 um")
+_DELTA = _slip(
+    "delta", "slip over which b falls, of a saw-tooth the width of a tooth", example="40 um"
+)
 _PEAK = _traction("tau", "traction at its peak", example="4 MPa")
 _S0 = _slip("s0", "slip at the end of the elastic branch", example="20 um")
 _optional = partial(LawParameter, required=False)
@@ -128,13 +140,16 @@ class Shape:
     def build(self, **values: object) -> Laws:
         """The law with these parameters (consistent units).
 
-        Raises LawError for a missing, unknown or meaningless parameter, GrowthError unless (15) and (16) hold.
+        Raises LawError for a missing, unknown or meaningless parameter, GrowthError unless (15) and
+        (16) hold.
         """
         names = [parameter.name for parameter in self.parameters]
         if name := next((name for name in values if name not in names), ""):
             near = difflib.get_close_matches(name, names, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
-            raise LawError(name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}")
+            raise LawError(
+                name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}"
+            )
         given = {p.name: _checked(self.name, p, values.get(p.name)) for p in self.parameters}
         law = replace(self.builder(**given), made=Made(self.name, given))
         law.check_growth()
@@ -142,8 +157,14 @@ class Shape:
 
 
 _BOUNDS: dict[str, tuple[Callable[[float], bool], str]] = {
-    "positive": (lambda x: x > 0.0, "must be above 0, not {:g}; it is the slip over which the law changes"),
-    "share": (lambda x: 0.0 < x <= 1.0, "must be above 0 and at most 1, not {:g}; it is a fraction of the peak"),
+    "positive": (
+        lambda x: x > 0.0,
+        "must be above 0, not {:g}; it is the slip over which the law changes",
+    ),
+    "share": (
+        lambda x: 0.0 < x <= 1.0,
+        "must be above 0 and at most 1, not {:g}; it is a fraction of the peak",
+    ),
     "not negative": (
         lambda x: x >= 0.0,
         "must be at least 0, not {:g}: friction opposes the slip; for other laws use piecewise-linear",
@@ -171,9 +192,13 @@ def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
         case "numbers":
             return [_number(name, item) for item in _items(name, value, "numbers, [left, right]")]
         case "law points":
-            pairs = [_items(name, item, "pairs [s, b]") for item in _items(name, value, "pairs [s, b]")]
+            pairs = [
+                _items(name, item, "pairs [s, b]") for item in _items(name, value, "pairs [s, b]")
+            ]
             if not pairs or any(len(pair) != 2 for pair in pairs):
-                raise LawError(name, "must be a list of at least one pair [s, b] of slip and traction")
+                raise LawError(
+                    name, "must be a list of at least one pair [s, b] of slip and traction"
+                )
             return [(_number(name, s), _number(name, b)) for s, b in pairs]
     number = _number(name, value)
     holds, message = _BOUNDS.get(parameter.bound, (np.isfinite, ""))
@@ -219,8 +244,13 @@ def tresca(tau: float) -> Laws:
 
 @_shape(_traction("tau_s", "traction of rest"), _traction("tau_k", "of slip"), _DELTA)
 def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
-    """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b = tau_k"""
-    return _odd("slip-weakening", [delta], [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)])
+    """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b =
+    tau_k"""
+    return _odd(
+        "slip-weakening",
+        [delta],
+        [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)],
+    )
 
 
 @_shape(_traction("a", "traction of rest"), _traction("b", "of much slip"), _DELTA)
@@ -234,24 +264,30 @@ def exponential(a: float, b: float, delta: float) -> Laws:
     _TAU,
     _DELTA,
     LawParameter("teeth", "their number", example="3", kind="integer", least=1),
-    LawParameter("drop", "share of its peak that b falls by after a tooth", example="0.5", bound="share"),
+    LawParameter(
+        "drop", "share of its peak that b falls by after a tooth", example="0.5", bound="share"
+    ),
     _optional("decay", "each peak over the one before", example="0.5", default=1.0, bound="share"),
 )
 def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> Laws:
-    """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls down at
-    the end; after the last tooth b = (1 - drop) tau decay^teeth
+    """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau
+    decay^i and falls down at the end; after the last tooth b = (1 - drop) tau decay^teeth
     """
     if not 1 <= teeth <= MAX_TEETH:
         raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
     peaks = [tau * decay**i for i in range(teeth + 1)]
-    pieces = [_Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
+    pieces = [
+        _Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta)
+        for i, peak in enumerate(peaks[:-1])
+    ]
     pieces.append(_Piece(teeth * delta, (1.0 - drop) * peaks[-1]))
     return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], pieces)
 
 
 # Laws of interfaces with an elastic branch: bilinear as of fibre-reinforced plates on concrete
-# (Yuan, Teng, Seracino, Wu & Yao, Eng. Struct. 26, 2004), trapezoidal as of ductile adhesives (Campilho et al., Int. J.
-# Adhes. Adhes. 46, 2013), trilinear as of grouted bolts (Ren, Yang & Chen, Constr. Build. Mater. 24, 2010).
+# (Yuan, Teng, Seracino, Wu & Yao, Eng. Struct. 26, 2004), trapezoidal as of ductile adhesives
+# (Campilho et al., Int. J. Adhes. Adhes. 46, 2013), trilinear as of grouted bolts (Ren, Yang &
+# Chen, Constr. Build. Mater. 24, 2010).
 
 
 @_shape(_PEAK, _S0)
@@ -262,14 +298,20 @@ def elastic_plastic(tau: float, s0: float) -> Laws:
 
 @_shape(_PEAK, _S0, _SF, _GF)
 def bilinear(tau: float, s0: float, sf: float | None, G_f: float | None) -> Laws:
-    """b rises linearly from 0 to tau over s0, falls linearly to 0 at sf (so that G_f = tau sf/2), then b = 0"""
+    """b rises linearly from 0 to tau over s0, falls linearly to 0 at sf (so that G_f = tau sf/2),
+    then b = 0"""
     return _interface("bilinear", tau, (s0, tau), (_debonded(tau, s0, s0, sf, G_f), 0.0))
 
 
-@_shape(_PEAK, _S0, LawParameter("s1", "slip at the end of the plateau", LENGTH, "100 um"), _SF, _GF)
+@_shape(
+    _PEAK, _S0, LawParameter("s1", "slip at the end of the plateau", LENGTH, "100 um"), _SF, _GF
+)
 def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float | None) -> Laws:
-    """b rises linearly from 0 to tau over s0, stays to s1, falls linearly to 0 at sf (G_f = tau (sf + s1 - s0)/2)"""
-    return _interface("trapezoidal", tau, (s0, tau), (s1, tau), (_debonded(tau, s0, s1, sf, G_f), 0.0))
+    """b rises linearly from 0 to tau over s0, stays to s1, falls linearly to 0 at sf (G_f = tau (sf
+    + s1 - s0)/2)"""
+    return _interface(
+        "trapezoidal", tau, (s0, tau), (s1, tau), (_debonded(tau, s0, s1, sf, G_f), 0.0)
+    )
 
 
 @_shape(
@@ -282,19 +324,26 @@ def trilinear(tau: float, s0: float, sf: float, tau_r: float) -> Laws:
 
 
 def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float | None) -> float:
-    """The slip at which a law that falls from tau at s1 has reached 0: sf, or as the energy below it says."""
+    """The slip at which a law that falls from tau at s1 has reached 0: sf, or as the energy below
+    it says."""
     if sf is not None and energy is not None:
         raise LawError("G_f", "follows from sf; give one of the two")
     if sf is not None:
         return sf
     if energy is None:
-        raise LawError("sf", "is missing; give the slip sf at which nothing is left, or the fracture energy G_f")
+        raise LawError(
+            "sf",
+            "is missing; give the slip sf at which nothing is left, or the fracture energy G_f",
+        )
     if not tau > 0.0:
         raise LawError("tau", _BOUNDS["positive"][1].format(tau))
     end = 2.0 * energy / tau - (s1 - s0)
     if not end > s1:
         least = tau * (s1 - 0.5 * s0)
-        raise LawError("G_f", f"must be above {least:g} J/m^2, what is below b up to s = {s1:g} m, not {energy:g}")
+        raise LawError(
+            "G_f",
+            f"must be above {least:g} J/m^2, what is below b up to s = {s1:g} m, not {energy:g}",
+        )
     return end
 
 
@@ -326,13 +375,15 @@ class _Vertex(NamedTuple):
 def piecewise_linear(
     points: list[tuple[float, float]], odd: bool, slope: float | None, slopes: list[float] | None
 ) -> Laws:
-    """b straight between the points [s, b], a jump where two have the same s, then on with the slope(s), by default 0;
-    odd: given for s >= 0 and mirrored
+    """b straight between the points [s, b], a jump where two have the same s, then on with the
+    slope(s), by default 0; odd: given for s >= 0 and mirrored
     """
     vertices = _vertices(points)
     if not odd:
         if slope is not None:
-            raise LawError("slope", "belongs to odd laws; with odd: false give slopes: [left, right]")
+            raise LawError(
+                "slope", "belongs to odd laws; with odd: false give slopes: [left, right]"
+            )
         if slopes is not None and len(slopes) != 2:
             raise LawError("slopes", f"must be two numbers, [left, right], not {len(slopes)}")
         kinks, pieces = _polygon(vertices, *(slopes or (0.0, 0.0)))
@@ -360,16 +411,21 @@ def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
         if not vertices or s.real > vertices[-1].s.real:
             vertices.append(_Vertex(s, b, b))
         elif number > 2 and points[number - 3][0].real == s.real:
-            raise LawError("points", f"three points have the same s = {s:g}; a jump has two, before and after")
+            raise LawError(
+                "points", f"three points have the same s = {s:g}; a jump has two, before and after"
+            )
         else:
             vertices[-1] = vertices[-1]._replace(right=b)
     return vertices
 
 
-def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple[list[float], list[_Piece]]:
+def _polygon(
+    vertices: list[_Vertex], left: float | None, right: float
+) -> tuple[list[float], list[_Piece]]:
     """Kinks and pieces of a polygonal law, without corners that are straight to rounding.
 
-    left, right: slopes beyond the ends; without a left one the law begins at the first vertex, which is no kink
+    left, right: slopes beyond the ends; without a left one the law begins at the first vertex,
+    which is no kink
     """
     corners = _corners(vertices)
     lines = [_line(a, b) for a, b in pairwise(corners)]
@@ -387,11 +443,12 @@ def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple
 
 
 def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
-    """The vertices without those that lie on the straight line between the corners beside them, to ROUNDING.
+    """The vertices without those that lie on the straight line between the corners beside them, to
+    ROUNDING.
 
-    From every corner the slopes that pass all later vertices closely enough form an interval that shrinks; the next
-    corner is the last vertex that is seen within it. The line drawn is the one through both corners, so that what is
-    left out costs no other vertex anything.
+    From every corner the slopes that pass all later vertices closely enough form an interval that
+    shrinks; the next corner is the last vertex that is seen within it. The line drawn is the one
+    through both corners, so that what is left out costs no other vertex anything.
     """
     corners, at = [vertices[0]], 0
     if _varied(vertices[0].right):  # of one that moves alone nothing is straight
@@ -413,7 +470,8 @@ def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
 
 
 def _line(a: _Vertex, b: _Vertex) -> _Piece:
-    """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images stay mirror images."""
+    """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images
+    stay mirror images."""
     slope = (b.left - a.right) / (b.s - a.s)
     if a.s == -b.s and a.right == -b.left and not _varied(a.right):
         return _Piece(0.0, 0.0, slope)

@@ -3,31 +3,39 @@
 Equilibrium elements: the dual of a plane elastic body, condensed onto its contact line.
 
 Stress:     on every triangle, cut into three at its barycentre, symmetric, linear on each part, div τ = 0 in it and τn
-            continuous: 9 coefficients a triangle, one for each self-balanced linear traction on its three edges. They
+            continuous: 9 coefficients a triangle, one for each self-balanced linear traction on its
+            three edges. They
             are found once on the reference triangle and moved by τ = B τ̂ Bᵀ, which keeps both.
 Hybrid:     unknowns w are displacements at the two Gauss points of every edge, multipliers that make τn continuous:
-            K̂ = Σ_K P G⁻¹Pᵀ, G = ∫c⁻¹N:N, P the moments of tractions; wᵀK̂w = ‖τ‖² in the norm of complementary energy.
+            K̂ = Σ_K P G⁻¹Pᵀ, G = ∫c⁻¹N:N, P the moments of tractions; wᵀK̂w = ‖τ‖² in the norm of
+            complementary energy.
 Contact:    the normal displacement is held, the tangential ones are kept: Â (2s, 2s) for s segments of Γ_C, with the
-            weights c = h/2, is a contact problem like that of P1. Its compliance is less than the body's where that of
-            P1 is more: energies come from the other side, and nothing locks for ν → ½, as c⁻¹ stays bounded.
+            weights c = h/2, is a contact problem like that of P1. Its compliance is less than the
+            body's where that of
+            P1 is more: energies come from the other side, and nothing locks for ν → ½, as c⁻¹ stays
+            bounded.
 Loads:      f constant, βθ linear on a triangle: τ = N G⁻¹(Pᵀw − q) + τ_p, τ_p = −diag(f_x (x − x_z), f_y (y − y_z)),
-            q = ∫c⁻¹N:(τ_p + βθI); K̂w = ĝ + Σ_K (P G⁻¹q − P_p), P_p the moments of τ_p, and div τ + f = 0 exactly.
-Literature: C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; B. Fraeijs de Veubeke (1965); J. P. M. de Almeida
+            q = ∫c⁻¹N:(τ_p + βθI); K̂w = ĝ + Σ_K (P G⁻¹q − P_p), P_p the moments of τ_p, and div τ +
+            f = 0 exactly.
+Literature: C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; B. Fraeijs de Veubeke (1965);
+J. P. M. de Almeida
             and E. A. W. Maunder, Equilibrium Finite Element Formulations, Wiley 2017.
 Left out:   curved edges.
 
 What is proved of the body, not of its mesh: λ₁ from both sides.
 
-λ₁ = min a(v,v)/‖v_T‖² over Γ_C decides uniqueness: one solution for every ω < λ₁. P1 displacements are a subset, so
-that λ_min(Ã, M) with the exact mass matrix M of Γ_C bounds it from above. From below, with λ̂ of the equilibrium
-elements: 1/λ₁ = sup_g ‖u_g‖²_a/‖g‖² over tangential tractions g; split g = πg + (g − πg), π the L² projection onto
-linear functions on every segment. ‖u_πg‖² ≤ ‖πg‖²/λ̂, as the dual overestimates compliance, ‖u_{g−πg}‖ ≤ C‖g − πg‖ with
-C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v), so that
+λ₁ = min a(v,v)/‖v_T‖² over Γ_C decides uniqueness: one solution for every ω < λ₁. P1 displacements
+are a subset, so that λ_min(Ã, M) with the exact mass matrix M of Γ_C bounds it from above. From
+below, with λ̂ of the equilibrium elements: 1/λ₁ = sup_g ‖u_g‖²_a/‖g‖² over tangential tractions g;
+split g = πg + (g − πg), π the L² projection onto linear functions on every segment. ‖u_πg‖² ≤
+‖πg‖²/λ̂, as the dual overestimates compliance, ‖u_{g−πg}‖ ≤ C‖g − πg‖ with C² = max_K Σ_e sup_v ‖(I
+− π)v_T‖²_e/a_K(v,v), so that
     λ̂/(1 + C²λ̂) ≤ λ₁ ≤ λ_min(Ã, M).
-A triangle gives C² ≤ C₀² h_e/2μ, C₀ of its shape alone. C₀ is bounded without a constant of Korn: refine the triangle k
-times, and its parts at e are copies of it, 2⁻ᵏ as large; hence C₀² ≤ ν_k + 2⁻ᵏC₀², ν_k that of piecewise πv on the
-equilibrium elements of the refinement. A triangle that holds a smaller one on the same edge has no greater constant, so
-that a few shapes serve all. All up to rounding, which is estimated.
+A triangle gives C² ≤ C₀² h_e/2μ, C₀ of its shape alone. C₀ is bounded without a constant of Korn:
+refine the triangle k times, and its parts at e are copies of it, 2⁻ᵏ as large; hence C₀² ≤ ν_k +
+2⁻ᵏC₀², ν_k that of piecewise πv on the equilibrium elements of the refinement. A triangle that
+holds a smaller one on the same edge has no greater constant, so that a few shapes serve all. All up
+to rounding, which is estimated.
 """
 
 from __future__ import annotations
@@ -59,14 +67,16 @@ PARTS = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
 TENSORS = np.array([[[1.0, 0], [0, 0]], [[0, 0], [0, 1.0]], [[0, 1.0], [1.0, 0]]])
 """Symmetric tensors from their components xx, yy, xy."""
 WEIGHT = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 72.0).T
-"""Its square is the mass matrix of linear functions on a part of the reference triangle, a third of ½."""
+"""Its square is the mass matrix of linear functions on a part of the reference triangle, a third of
+½."""
 
 
 @dataclass(frozen=True)
 class EquilibriumBody:
     """Triangles of equilibrium elements, condensed onto Γ_C.
 
-    Local rows (4e,) run over the Gauss points of the edges, from the lower node on, then over axes, then over edges.
+    Local rows (4e,) run over the Gauss points of the edges, from the lower node on, then over axes,
+    then over edges.
 
     elements:  the triangles;  number: (s,) which of the edges the segments of the boundary are
     axes:      (s, 2, 2) theirs, an axis a column, (t, n) on Γ_C;  held: (4e,) rows whose displacement is prescribed
@@ -98,7 +108,8 @@ class EquilibriumBody:
         return ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
 
     def rows(self, u: Array) -> Array:
-        """(4e,) P1 displacements (n, 2) in x and y at the Gauss points of the edges, in local axes."""
+        """(4e,) P1 displacements (n, 2) in x and y at the Gauss points of the edges, in local
+        axes."""
         a, b = np.moveaxis(u[self.elements.mesh.edges[0]], 1, 0)
         at = np.stack([(1.0 - g) * a + g * b for g in GAUSS], axis=1)
         return np.einsum("egd,edk->gke", at, self.elements.axes).ravel()
@@ -106,8 +117,8 @@ class EquilibriumBody:
 
 @cache
 def _reference() -> tuple[Array, Array]:
-    """Stresses of the reference triangle: (3, 3, 3, 9) by part, corner, component xx, yy, xy, and coefficient, and what
-    they do at the sides: (3, 2, 2, 9) τ̂n̂|ê|/2 at the Gauss points."""
+    """Stresses of the reference triangle: (3, 3, 3, 9) by part, corner, component xx, yy, xy, and
+    coefficient, and what they do at the sides: (3, 2, 2, 9) τ̂n̂|ê|/2 at the Gauss points."""
     rows = []
     for k, part in enumerate(PARTS):
         gradients = np.linalg.inv(np.column_stack([np.ones(3), CORNERS[part]]))[1:]
@@ -123,7 +134,9 @@ def _reference() -> tuple[Array, Array]:
                 rows.append(row.ravel())
     N = scipy.linalg.null_space(np.array(rows)).reshape(3, 3, 3, 9)
     d = CORNERS[SIDES[:, 1]] - CORNERS[SIDES[:, 0]]
-    ends = np.array([[_traction(np.array([y, -x])) @ N[k, end] for end in (0, 1)] for k, (x, y) in enumerate(d)])
+    ends = np.array(
+        [[_traction(np.array([y, -x])) @ N[k, end] for end in (0, 1)] for k, (x, y) in enumerate(d)]
+    )
     return N, 0.5 * np.einsum("ge,keij->kgij", np.column_stack([1.0 - GAUSS, GAUSS]), ends)
 
 
@@ -145,8 +158,12 @@ class Elements:
     def local_rows(self) -> Indices:
         """(t, 12) local rows of every triangle by side, Gauss point in its direction and axis."""
         first, second = np.moveaxis(self.mesh.sides.reshape(-1, 3, 2), 2, 0)
-        gauss = np.arange(2) ^ (first > second)[..., None]  # (t, 3, 2) of the edge, in its own direction
-        rows = (2 * gauss[..., None] + np.arange(2)) * len(self.axes) + self.mesh.edges[1][..., None, None]
+        gauss = (
+            np.arange(2) ^ (first > second)[..., None]
+        )  # (t, 3, 2) of the edge, in its own direction
+        rows = (2 * gauss[..., None] + np.arange(2)) * len(self.axes) + self.mesh.edges[1][
+            ..., None, None
+        ]
         return rows.reshape(-1, 12)
 
     def stiffness(self) -> Array:
@@ -155,7 +172,8 @@ class Elements:
         return np.matmul(np.swapaxes(half, 1, 2), half)
 
     def volume_load(self, f: Array, theta: Array) -> tuple[Array, float]:
-        """Of f (2,) [N/m³] and βθ (t, 3) at the corners [Pa]: their load (4e,), and ‖(I − Π)ρ‖² of ρ = τ_p + βθI.
+        """Of f (2,) [N/m³] and βθ (t, 3) at the corners [Pa]: their load (4e,), and ‖(I − Π)ρ‖² of
+        ρ = τ_p + βθI.
 
         Π: projection onto the stresses N in the norm of complementary energy
         """
@@ -171,7 +189,9 @@ class Elements:
         change = tau[:, SIDES[:, 1]] - first
         at = first[:, :, None] + GAUSS[None, None, :, None] * change[:, :, None]  # (t, 3, 2, 2)
         outward = 0.5 * np.stack([side[..., 1], -side[..., 0]], axis=-1)
-        moments = np.einsum("tkga,tka,tkab->tkgb", at, outward, self.axes[self.mesh.edges[1]]).reshape(-1, 12)
+        moments = np.einsum(
+            "tkga,tka,tkab->tkgb", at, outward, self.axes[self.mesh.edges[1]]
+        ).reshape(-1, 12)
         own = np.einsum("tnk,tn->tk", half, inner) - moments
         load = np.zeros(4 * len(self.axes))
         np.add.at(load, self.local_rows, own)
@@ -180,14 +200,15 @@ class Elements:
     def _factors(self, mode: Literal["r", "reduced"]) -> tuple[Array, Array]:
         """(t, 9, 12) R⁻ᵀPᵀ and, in mode "reduced", (t, 27, 9) Q.
 
-        With τ = B τ̂ Bᵀ the traction is τn|e| = det B · B τ̂n̂|ê|. G = RᵀR by QR of the stresses themselves, which loses
-        half the digits that their products would lose where a triangle is flat.
+        With τ = B τ̂ Bᵀ the traction is τn|e| = det B · B τ̂n̂|ê|. G = RᵀR by QR of the stresses
+        themselves, which loses half the digits that their products would lose where a triangle is
+        flat.
         """
         N, sides = _reference()
         B, det = self._maps
-        P = np.einsum("t,tkja,tjb,kgbn->tkgan", det, self.axes[self.mesh.edges[1]], B, sides, optimize=True).reshape(
-            len(B), 12, 9
-        )
+        P = np.einsum(
+            "t,tkja,tjb,kgbn->tkgan", det, self.axes[self.mesh.edges[1]], B, sides, optimize=True
+        ).reshape(len(B), 12, 9)
         moved = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
         stress = np.einsum("tcae,ij,pjcn->aetpin", moved, WEIGHT, N, optimize=True)
         found = np.linalg.qr(self._samples(stress[0, 0], stress[1, 1], stress[0, 1]), mode=mode)
@@ -204,7 +225,8 @@ class Elements:
     def _samples(self, xx: Array, yy: Array, xy: Array) -> Array:
         """(t, 27, …) whose squares sum to ∫c⁻¹σ : σ, c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ).
 
-        xx, yy, xy: (t, 3, 3, …) a stress that is linear on the parts of the triangles, by part and weighted corner
+        xx, yy, xy: (t, 3, 3, …) a stress that is linear on the parts of the triangles, by part and
+        weighted corner
         """
         det = self._maps[1]
         shear, bulk = np.sqrt(det / (2.0 * self.mu)), np.sqrt(det / (4.0 * (self.lam + self.mu)))
@@ -218,7 +240,8 @@ ROUNDINGS = 4.0
 REFINED = 3
 """Times that a triangle is refined for its constant."""
 SHAPES = 16
-"""Shapes of triangles are told apart by so many places along the edge, and their heights by as many a factor of e."""
+"""Shapes of triangles are told apart by so many places along the edge, and their heights by as many
+a factor of e."""
 
 
 @dataclass(frozen=True)
@@ -237,11 +260,17 @@ class Band:
         """What is stored of it; ω of the law [Pa/m], and how many times as stiff the bodies are."""
         low, high, hat = (value * factor for value in (self.low, self.high, self.hat))
         proved = np.less(omega, low)
-        return {"lambda_1_low": low, "lambda_1_high": high, "lambda_1_dual": hat, "proved_unique": proved}
+        return {
+            "lambda_1_low": low,
+            "lambda_1_high": high,
+            "lambda_1_dual": hat,
+            "proved_unique": proved,
+        }
 
 
 def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
-    """The equilibrium elements of a scene on a mesh, condensed onto Γ_C, all moduli those of the scene.
+    """The equilibrium elements of a scene on a mesh, condensed onto Γ_C, all moduli those of the
+    scene.
 
     Raises NotPositiveDefinite if the body can move other than along Γ_C.
     """
@@ -249,7 +278,11 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     number, e, half = sides.ravel()[mesh.sides_at(segments)], len(edges), 0.5 * mesh.boundary.length
     normal = mesh.boundary.normal
     tn = np.stack([np.column_stack([-normal[:, 1], normal[:, 0]]), normal], axis=2)
-    axes, held, springs = np.tile(np.eye(2), (s, 1, 1)), np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
+    axes, held, springs = (
+        np.tile(np.eye(2), (s, 1, 1)),
+        np.zeros((s, 2), dtype=bool),
+        np.zeros((s, 2)),
+    )
     for name, role in scene.boundary:
         on, given = mesh.on(name), np.array([component is not None for component in role.u])
         if role.frame == "nt":
@@ -280,16 +313,24 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     kept = (2 * along * e + own[:, None]).ravel()
     found = condense(tied, points[edges].mean(axis=1), kept, active, components=4)
     c = np.repeat(half[line.which], 2)
-    return EquilibriumBody(elements, number, axes, given_rows.ravel(), ties, K, tied.diagonal(), c, found)
+    return EquilibriumBody(
+        elements, number, axes, given_rows.ravel(), ties, K, tied.diagonal(), c, found
+    )
 
 
-def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:
-    """λ₁ of the body from both sides. A_tilde: (m, m) that of P1 on the mesh with the moduli of `body` [Pa]"""
+def lambda_1_band(
+    body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array
+) -> Band:
+    """λ₁ of the body from both sides. A_tilde: (m, m) that of P1 on the mesh with the moduli of
+    `body` [Pa]"""
     hat, x, error = least_eigenpair(body.condensation.A_tilde, body.c)
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
     lam, mu = body.elements.lam, body.elements.mu
-    C2, M = neglected(mesh, line, np.minimum(mu, lam + mu)), segment_mass(line.unknowns, line.lengths, line.m)
+    C2, M = (
+        neglected(mesh, line, np.minimum(mu, lam + mu)),
+        segment_mass(line.unknowns, line.lengths, line.m),
+    )
     v = scipy.linalg.eigh(A_tilde, M, subset_by_index=[0, 0])[1][:, 0]
     high = float(v @ A_tilde @ v) / float(v @ M @ v)  # no less than the eigenvalue whatever v is
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
@@ -299,12 +340,17 @@ def require_straight(mesh: PlaneMesh) -> None:
     """Raise GeometryFailed for curved edges: their polygon is another body."""
     curved = sorted({curve.name for curve in mesh.geometry.curves if not curve.straight})
     if curved:
-        what = f"a guarantee needs straight edges, but the mesh of {', '.join(curved)} is another body"
-        raise GeometryFailed(f"{what}; draw straight edges, or leave guarantee out", ("mesh", "guarantee"))
+        what = (
+            f"a guarantee needs straight edges, but the mesh of {', '.join(curved)} is another body"
+        )
+        raise GeometryFailed(
+            f"{what}; draw straight edges, or leave guarantee out", ("mesh", "guarantee")
+        )
 
 
 def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_array | None:
-    """T of w = T w': the displacements of a rigid edge in rows of its first segment, a_x, a_y and, if it turns, φℓ."""
+    """T of w = T w': the displacements of a rigid edge in rows of its first segment, a_x, a_y and,
+    if it turns, φℓ."""
     edges, sides = mesh.edges
     e = len(edges)
     rest, parts = np.ones(4 * e, dtype=bool), []
@@ -313,12 +359,16 @@ def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_arr
             continue
         number = sides.ravel()[mesh.sides_at(mesh.segments[mesh.on(name)])]
         ends = mesh.points[edges[number]]
-        at = ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])  # (k, 2, 2) by edge and Gauss point
+        at = ends[:, :1] + GAUSS[None, :, None] * (
+            ends[:, 1:] - ends[:, :1]
+        )  # (k, 2, 2) by edge and Gauss point
         rows = 2 * e * np.arange(2) + number[:, None]
         nodes, _, arms = edge_arms(mesh, name)
         middle, length = mesh.points[nodes[0]] - arms[0], float(np.hypot(*arms.T).max())
         for c in unknown(role):
-            parts.append((rows + c * e, np.full(rows.shape, number[0] + c * e), np.ones(rows.shape)))
+            parts.append(
+                (rows + c * e, np.full(rows.shape, number[0] + c * e), np.ones(rows.shape))
+            )
             rest[rows + c * e] = False
             if role.moment is not None:
                 arm = (at - middle)[..., 1 - c] * (-1.0 if c == 0 else 1.0) / length
@@ -326,8 +376,13 @@ def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_arr
     if not parts:
         return None
     kept = np.flatnonzero(rest)
-    row, column, value = (np.concatenate([a.ravel() for a in part]) for part in zip(*parts, strict=True))
-    entries = (np.append(value, np.ones(len(kept))), (np.append(row, kept), np.append(column, kept)))
+    row, column, value = (
+        np.concatenate([a.ravel() for a in part]) for part in zip(*parts, strict=True)
+    )
+    entries = (
+        np.append(value, np.ones(len(kept))),
+        (np.append(row, kept), np.append(column, kept)),
+    )
     return sp.csr_array(entries, shape=(4 * e, 4 * e))
 
 
@@ -347,8 +402,8 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     x = np.einsum("ij,ij->i", along, across) / h
     y = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / h
     x = np.minimum(x, 1.0 - x)
-    # apexes within those, of few kinds; at this height the triangle reaches from x·share to 1 − (1 − x)·share, which
-    # is 1/SHAPES wide or more
+    # apexes within those, of few kinds; at this height the triangle reaches from x·share to 1 − (1
+    # − x)·share, which is 1/SHAPES wide or more
     low = np.exp(np.floor(np.log(y * (1.0 - 1.0 / SHAPES)) * SHAPES) / SHAPES)
     share = low / y
     inner = np.ceil(x * share * SHAPES) / SHAPES
@@ -359,15 +414,18 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
 
 
 CHILDREN = np.array([[0, 6, 5], [1, 2, 7], [8, 3, 4], [8, 6, 7]])
-"""Sides of the four parts of a triangle: 0 to 5 are halves of its own sides, in order; the last part is in the middle,
-its sides run backwards; it is turned by 180°, which leaves its stiffness as it is."""
+"""Sides of the four parts of a triangle: 0 to 5 are halves of its own sides, in order; the last
+part is in the middle, its sides run backwards; it is turned by 180°, which leaves its stiffness as
+it is."""
 
 
 @lru_cache(maxsize=64)
 def shape_constants(shapes: tuple[Point, ...]) -> Array:
-    """(n,) C₀²: ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on the side e of a triangle with its apex at (x, y)h_e.
+    """(n,) C₀²: ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on the side e of a triangle with
+    its apex at (x, y)h_e.
 
-    The stiffness of a refined triangle at its boundary is that of four parts, each refined once less.
+    The stiffness of a refined triangle at its boundary is that of four parts, each refined once
+    less.
     """
     n, none = len(shapes), np.zeros(len(shapes))
     points = np.stack([none, none, none + 1.0, none, *np.array(shapes).T], axis=1).reshape(-1, 2)
@@ -382,12 +440,21 @@ def shape_constants(shapes: tuple[Point, ...]) -> Array:
             whole[:, rows[:, None], rows] += K
         K = _condensed(whole, np.arange(18 * len(side)) < 12 * len(side))
     k = 2 * 2**REFINED
-    A = _condensed(K, (np.arange(6 * k) % 2 == 0) & (np.arange(6 * k) < 2 * k), held=slice(1, 2 * k, 2)) * k
+    A = (
+        _condensed(
+            K, (np.arange(6 * k) % 2 == 0) & (np.arange(6 * k) < 2 * k), held=slice(1, 2 * k, 2)
+        )
+        * k
+    )
     at = (np.arange(k // 2)[:, None] + GAUSS).ravel() / (k // 2)
-    Q = np.linalg.qr(np.column_stack([np.ones(k), at]))[0]  # linear functions on e, rigid motion first
+    Q = np.linalg.qr(np.column_stack([np.ones(k), at]))[
+        0
+    ]  # linear functions on e, rigid motion first
     trace = np.trace(A, axis1=1, axis2=2)[:, None, None]
     left = np.eye(k) - Q @ Q.T
-    nu = np.linalg.eigvalsh(left @ np.linalg.inv(A + trace * np.outer(Q[:, 0], Q[:, 0])) @ left)[:, -1]
+    nu = np.linalg.eigvalsh(left @ np.linalg.inv(A + trace * np.outer(Q[:, 0], Q[:, 0])) @ left)[
+        :, -1
+    ]
     return np.asarray(nu / (1.0 - 0.5**REFINED))
 
 
@@ -397,4 +464,6 @@ def _condensed(K: Array, keep: NDArray[np.bool_], held: slice = slice(0)) -> Arr
     inner[held] = False
     k, i = np.flatnonzero(keep), np.flatnonzero(inner)
     K_ik = K[:, i[:, None], k]
-    return np.asarray(K[:, k[:, None], k] - np.swapaxes(K_ik, 1, 2) @ np.linalg.solve(K[:, i[:, None], i], K_ik))
+    return np.asarray(
+        K[:, k[:, None], k] - np.swapaxes(K_ik, 1, 2) @ np.linalg.solve(K[:, i[:, None], i], K_ik)
+    )

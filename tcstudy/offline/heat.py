@@ -1,25 +1,30 @@
-"""The heat problem of one mesh for every α, θ̄, q, flux and given temperature of a sweep (method §4, exact).
+"""The heat problem of one mesh for every α, θ̄, q, flux and given temperature of a sweep (method
+§4, exact).
 
-With S_K the Neumann heat matrix for k = 1 condensed onto Γ_θ, M its mass matrix and S_K w_k = μ_k M w_k,
+With S_K the Neumann heat matrix for k = 1 condensed onto Γ_θ, M its mass matrix and S_K w_k = μ_k M
+w_k,
 
     θ|_Γθ = Σ_k w_k (w_kᵀq̃ / k + a w_kᵀg̃) / (μ_k + a),    a = α/k,    g̃_i = ∫_{Γ_θ} θ̄ φ_i,
 
-where μ₀ = 0 with constant w₀. The constant part is split off: a constant temperature loads the body through one
-fixed vector, and the heat balance keeps its digits however small or large α is. Edges that differ in α by fixed ratios
-ρ have M = Σ ρ M_e and g̃ = Σ ρ g̃_e, and one set of modes for all their levels α. A heat flux is a source on an edge.
-Where edges hold temperatures θ_D, S_K and M are those of the other nodes of Γ_θ, θ_D acts by −(S_K + aM)θ_D, and no
-mode is constant. Where conductivities differ by region K is that of k over the body's own: a factor for each set of
-ratios. Left out: any solve for what is constant or loads nothing.
+where μ₀ = 0 with constant w₀. The constant part is split off: a constant temperature loads the body
+through one fixed vector, and the heat balance keeps its digits however small or large α is. Edges
+that differ in α by fixed ratios ρ have M = Σ ρ M_e and g̃ = Σ ρ g̃_e, and one set of modes for all
+their levels α. A heat flux is a source on an edge. Where edges hold temperatures θ_D, S_K and M are
+those of the other nodes of Γ_θ, θ_D acts by −(S_K + aM)θ_D, and no mode is constant. Where
+conductivities differ by region K is that of k over the body's own: a factor for each set of ratios.
+Left out: any solve for what is constant or loads nothing.
 
-What all data give for all α are rational functions of a with poles at −μ_k: to rounding they span few dimensions (15
-to 30). So they are stored as a few *columns*, fields on the body, and α enters through their factors only: the field of
-each load, or of each θ_D, that vanishes elsewhere on Γ_θ, and fields of orthonormal variations, which all data share.
+What all data give for all α are rational functions of a with poles at −μ_k: to rounding they span
+few dimensions (15 to 30). So they are stored as a few *columns*, fields on the body, and α enters
+through their factors only: the field of each load, or of each θ_D, that vanishes elsewhere on Γ_θ,
+and fields of orthonormal variations, which all data share.
 
-A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the triangles, and their
-rounding is heat that comes from nowhere: the factor's harmonic extension of 1 is not 1. Where it is off by more than
-UNSOUND, loads and fields are refined iteratively. The residual comes from the coordinates of the corners, triangle by
-triangle, in the form ∫∇θ·∇φ_i of three flows that sum to zero: no entry k_ij, rounded, is in it, and heat is conserved
-whatever is rounded. Literature: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, ch. 12.
+A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the
+triangles, and their rounding is heat that comes from nowhere: the factor's harmonic extension of 1
+is not 1. Where it is off by more than UNSOUND, loads and fields are refined iteratively. The
+residual comes from the coordinates of the corners, triangle by triangle, in the form ∫∇θ·∇φ_i of
+three flows that sum to zero: no entry k_ij, rounded, is in it, and heat is conserved whatever is
+rounded. Literature: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, ch. 12.
 """
 
 from __future__ import annotations
@@ -70,7 +75,8 @@ BATCH = 16
 
 @dataclass(frozen=True)
 class Column:
-    """Names a field of the heat problem with these relative k and ratios, of which so many are listed at the start."""
+    """Names a field of the heat problem with these relative k and ratios, of which so many are
+    listed at the start."""
 
     k: Conductivity
     ratios: Ratios
@@ -101,7 +107,8 @@ def to_digits(ratio: float) -> float:
 
 
 def exchange_level(scene: Scene) -> tuple[float, Ratios]:
-    """α of the edge that exchanges most, and the α of all edges over it, to 15 digits; none where they are equal."""
+    """α of the edge that exchanges most, and the α of all edges over it, to 15 digits; none where
+    they are equal."""
     if not scene.heat_by_edge:
         return scene.heat.alpha, ()
     alpha = max((own for _, own, _ in scene.exchange), default=0.0)
@@ -112,7 +119,8 @@ def exchange_level(scene: Scene) -> tuple[float, Ratios]:
 
 
 def heat_shares(scene: Scene) -> tuple[float, list[tuple[Datum, float]]]:
-    """θ of a scene without known temperature: a uniform part [K], and (datum, factor) of what is added to it.
+    """θ of a scene without known temperature: a uniform part [K], and (datum, factor) of what is
+    added to it.
 
     What is constant on all edges is the uniform part: then nothing is solved for it.
     """
@@ -147,9 +155,11 @@ T = TypeVar("T")
 
 
 class Recent(dict[Hashable, T]):
-    """Values by key, made on demand; all are let go of where the total size would pass `budget` bytes.
+    """Values by key, made on demand; all are let go of where the total size would pass `budget`
+    bytes.
 
-    Values that are still referenced elsewhere stay alive there: forgetting costs time later, never correctness.
+    Values that are still referenced elsewhere stay alive there: forgetting costs time later, never
+    correctness.
     """
 
     def __init__(self, budget: float = np.inf, size: Callable[[T], int] = lambda _: 1) -> None:
@@ -170,19 +180,23 @@ class Recent(dict[Hashable, T]):
 
 
 UNSOUND = 1e-11
-"""Error of the harmonic extension of 1 from which fields are refined; 1e6 good triangles stay below it."""
+"""Error of the harmonic extension of 1 from which fields are refined; 1e6 good triangles stay below
+it."""
 MOST_STEPS = 5
 """Steps of refinement; one gains as many digits as the factor has right."""
 
 
 class HeatFactor:
-    """K for k = 1 factorised with the nodes of Γ_θ kept; solves that keep their digits on slivers."""
+    """K for k = 1 factorised with the nodes of Γ_θ kept; solves that keep their digits on
+    slivers."""
 
     def __init__(self, forms: ElasticForms, kept: NDArray[np.intp], k: Conductivity) -> None:
         self._mesh, self._kept, self._k = forms.mesh, kept, k
         inner = np.ones(forms.mesh.n_points, dtype=bool)
         inner[kept] = False
-        self._factor: Condensation = condense(forms.conduction(k), forms.mesh.points, kept, inner, components=1)
+        self._factor: Condensation = condense(
+            forms.conduction(k), forms.mesh.points, kept, inner, components=1
+        )
 
     @property
     def A_tilde(self) -> Array:
@@ -190,29 +204,46 @@ class HeatFactor:
 
     @cached_property
     def sound(self) -> bool:
-        """Whether the factor alone is accurate enough: the harmonic extension of θ = 1 is 1 but for UNSOUND."""
+        """Whether the factor alone is accurate enough: the harmonic extension of θ = 1 is 1 but for
+        UNSOUND."""
         return float(np.max(np.abs(self._factor.expand(np.ones(len(self._kept))) - 1.0))) <= UNSOUND
 
     def load(self, source: Array) -> tuple[Array, Array]:
-        """A source (n,) condensed onto Γ_θ (r,) [W/m], whose sum is its whole heat, and its field (n,), 0 on Γ_θ."""
+        """A source (n,) condensed onto Γ_θ (r,) [W/m], whose sum is its whole heat, and its field
+        (n,), 0 on Γ_θ."""
         rows = self._factor.forward(source)
         theta = self._factor.expand(np.zeros(len(self._kept)), rows)
         if not self.sound:
             correction = self._correction(theta, source)
-            rows, theta = self._factor.forward(self._rest(source, theta, correction)), theta + correction
+            rows, theta = (
+                self._factor.forward(self._rest(source, theta, correction)),
+                theta + correction,
+            )
         return self._factor.condensed(rows), theta
 
     def extended(self, on_line: Array) -> Array:
         """Fields (n, s) without a source that have the values on_line (r, s) on Γ_θ."""
         fields = self._factor.expand(on_line)
-        return fields if self.sound else np.column_stack([theta + self._correction(theta, 0.0) for theta in fields.T])
+        return (
+            fields
+            if self.sound
+            else np.column_stack([theta + self._correction(theta, 0.0) for theta in fields.T])
+        )
 
     def _rest(self, source: Array | float, *fields: Array) -> Array:
-        """source − K Σ fields, all (n,): its sum is that of the source but for rounding of the heat itself."""
-        triangles, corners, rest = self._mesh.triangles, self._mesh.corners, source + np.zeros(self._mesh.n_points)
+        """source − K Σ fields, all (n,): its sum is that of the source but for rounding of the heat
+        itself."""
+        triangles, corners, rest = (
+            self._mesh.triangles,
+            self._mesh.corners,
+            source + np.zeros(self._mesh.n_points),
+        )
         e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        jumps: Array = np.sum([field[triangles[:, 1:]] - field[triangles[:, :1]] for field in fields], axis=0)
-        # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for all three corners
+        jumps: Array = np.sum(
+            [field[triangles[:, 1:]] - field[triangles[:, :1]] for field in fields], axis=0
+        )
+        # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for
+        # all three corners
         turned = (jumps[:, :1] * f - jumps[:, 1:] * e) / (4.0 * self._mesh.area)[:, None]
         for where, k in self._k:
             turned[self._mesh.inside(where)] *= k
@@ -221,7 +252,8 @@ class HeatFactor:
         return rest
 
     def _correction(self, theta: Array, source: Array | float) -> Array:
-        """What θ (n,) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of its own."""
+        """What θ (n,) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of
+        its own."""
         total, before = np.zeros(len(theta)), np.inf
         for _ in range(MOST_STEPS):
             rest = self._factor.forward(self._rest(source, theta, total))
@@ -235,8 +267,8 @@ class HeatFactor:
 
 
 def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
-    """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant, or none so if other
-    nodes of the line are held."""
+    """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant, or
+    none so if other nodes of the line are held."""
     if not len(M):
         return np.zeros(0), np.zeros((0, 0))
     mu, W = scipy.linalg.eigh(A_tilde, M)
@@ -283,19 +315,38 @@ class Conduction:
     """Parts of θ for given α, k and data, with one set of ratios between the α of the edges."""
 
     def __init__(
-        self, body: Temperatures, k: Conductivity, ratios: Ratios, wanted: Mapping[Datum, Mapping[float, None]]
+        self,
+        body: Temperatures,
+        k: Conductivity,
+        ratios: Ratios,
+        wanted: Mapping[Datum, Mapping[float, None]],
     ) -> None:
         """wanted: values of α/k that are to come, if known: they say what columns are needed."""
         self._body, self._key, self._ratios = body, (k, ratios), dict(ratios)
-        self._free = ~np.isin(body.nodes, body.mesh.nodes_on(*body.held))  # (r,) temperature is not given
-        S, M, free = body.factor(k).A_tilde, body.exchange(self._ratios), np.ix_(self._free, self._free)
+        self._free = ~np.isin(
+            body.nodes, body.mesh.nodes_on(*body.held)
+        )  # (r,) temperature is not given
+        S, M, free = (
+            body.factor(k).A_tilde,
+            body.exchange(self._ratios),
+            np.ix_(self._free, self._free),
+        )
         self._modes = S, M, *modes(S[free], M[free], not self._free.all())
         """S_K and M (r, r), M weighted by the ratios; μ (f,) and W, WᵀMW = I."""
         self._data: dict[Datum, _Heated] = {}
-        self._columns: list[tuple[Array, Array | float]] = []  # values on Γ_θ (r,), and the field of a load (n,)
-        self._basis: Array = np.zeros((len(self._modes[2]), 0))  # (f, s) variations in the w_k, orthonormal
+        self._columns: list[
+            tuple[Array, Array | float]
+        ] = []  # values on Γ_θ (r,), and the field of a load (n,)
+        self._basis: Array = np.zeros(
+            (len(self._modes[2]), 0)
+        )  # (f, s) variations in the w_k, orthonormal
         self._numbers: list[int] = []  # (s,) of their columns
-        pairs = [(self._heated(datum), a) for datum, values in wanted.items() for a in sorted(values) if a > 0.0]
+        pairs = [
+            (self._heated(datum), a)
+            for datum, values in wanted.items()
+            for a in sorted(values)
+            if a > 0.0
+        ]
         if pairs and len(self._basis):  # the variation that is worst represented comes next
             rows = [self._variation(heated, a) for heated, a in pairs]
             norms = np.linalg.norm(rows, axis=1)
@@ -310,10 +361,11 @@ class Conduction:
         return [Column(*self._key, i, self._listed) for i in range(self._listed)]
 
     def part(self, datum: Datum, alpha: float, k: float, strength: float) -> Part:
-        """θ of one datum so many times as strong, all others being 0: α is that of the edges with ratio 1.
+        """θ of one datum so many times as strong, all others being 0: α is that of the edges with
+        ratio 1.
 
-        α = 0 gives the limit of surroundings, the mean of θ̄. Where edges hold temperatures, the heat that leaves is
-        counted on Γ_θ and at the nodes that are held.
+        α = 0 gives the limit of surroundings, the mean of θ̄. Where edges hold temperatures, the
+        heat that leaves is counted on Γ_θ and at the nodes that are held.
         """
         heated, a, (S, M, mu, W), free = self._heated(datum), alpha / k, self._modes, self._free
         theta, heat = (1.0 / k, 1.0) if datum.heats else (1.0, k)
@@ -323,9 +375,12 @@ class Conduction:
         if free.all():
             m_0, m_1 = heated.moments
             constant = theta * float(m_0[0] / a if datum.heats else m_1[0]) * float(W[0, 0])
-            # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a difference
+            # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a
+            # difference
             flows = np.append(m_0[0], a * (m_0 - mu * m_1)[1:] / (mu[1:] + a))
-            heat_out = heat * float(M.sum(axis=0) @ W @ flows)  # zero but for the first, up to the rounding it shows
+            heat_out = heat * float(
+                M.sum(axis=0) @ W @ flows
+            )  # zero but for the first, up to the rounding it shows
             most = heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
             through = heated.moved if datum.heats else most
         else:
@@ -333,14 +388,21 @@ class Conduction:
             x[free] = W @ values
             flows = heat * np.where(free, a * (M @ x - r_1), r_0 - S @ x)
             heat_out, through = float(flows.sum()), float(np.abs(flows).sum())
-        fields: dict[Field, float] = {column: strength * (theta * share) for column, share in shares}
+        fields: dict[Field, float] = {
+            column: strength * (theta * share) for column, share in shares
+        }
         heat_moved = strength * heat_out, strength * heated.heat, abs(strength) * through
         return Part(fields | {None: strength * constant}, heat_moved)
 
     def response(self, source: Array, a: float) -> Array:
-        """(n,) θ for k = 1 that a source at the nodes (n,) makes, surroundings and held edges being at 0."""
+        """(n,) θ for k = 1 that a source at the nodes (n,) makes, surroundings and held edges being
+        at 0."""
         factor, (S, M, _, _), free = self._body.factor(self._key[0]), self._modes, self._free
-        (l_tilde, theta), on_line, own = factor.load(source), np.zeros((len(free), 1)), np.ix_(free, free)
+        (l_tilde, theta), on_line, own = (
+            factor.load(source),
+            np.zeros((len(free), 1)),
+            np.ix_(free, free),
+        )
         on_line[free, 0] = np.linalg.solve((S + a * M)[own], l_tilde[free])
         return theta + factor.extended(on_line)[:, 0]
 
@@ -351,7 +413,9 @@ class Conduction:
         column: tuple[Array, Array | float] | None = None
         source = np.zeros(1)
         if datum.heats:
-            source = (source_load if datum.kind == "source" else edge_load)(body.mesh, datum.data, datum.where)
+            source = (source_load if datum.kind == "source" else edge_load)(
+                body.mesh, datum.data, datum.where
+            )
             l_tilde, field = body.factor(self._key[0]).load(source)
             right, column = (l_tilde, zero), (zero, field)
         elif datum.kind == "surroundings":
@@ -365,15 +429,24 @@ class Conduction:
         moments = np.array([W.T @ part[self._free] for part in right])
         numbers = () if column is None else (len(self._columns),)
         self._columns += [] if column is None else [column]
-        heated = _Heated(np.array(right), moments, float(source.sum()), float(np.abs(source).sum()), numbers)
+        heated = _Heated(
+            np.array(right), moments, float(source.sum()), float(np.abs(source).sum()), numbers
+        )
         return self._data.setdefault(datum, heated)
 
     def _variation(self, heated: _Heated, a: float) -> Array:
-        """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one, is zero.
+        """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one,
+        is zero.
 
-        After a step of refinement where modes lack digits: of edges whose α differ by decades, or that hold θ_D.
+        After a step of refinement where modes lack digits: of edges whose α differ by decades, or
+        that hold θ_D.
         """
-        (S, M, mu, W), free, (r_0, r_1), (m_0, m_1) = self._modes, self._free, heated.right, heated.moments
+        (S, M, mu, W), free, (r_0, r_1), (m_0, m_1) = (
+            self._modes,
+            self._free,
+            heated.right,
+            heated.moments,
+        )
         first, values = int(free.all()), np.zeros(len(mu))
         values[first:] = (m_0 + a * m_1)[first:] / (mu[first:] + a)
         if self._ratios or not first:
@@ -384,13 +457,20 @@ class Conduction:
         return values
 
     def _shares(self, heated: _Heated, wanted: Array) -> list[tuple[Column, float]]:
-        """A variation as a combination of columns, exact to rounding; one that they miss adds a column."""
+        """A variation as a combination of columns, exact to rounding; one that they miss adds a
+        column."""
         missed = wanted - self._basis @ (self._basis.T @ wanted)
         if np.linalg.norm(missed) > 2.0 * ROUNDING * np.linalg.norm(wanted):
             missed -= self._basis @ (self._basis.T @ missed)
             self._add(missed / np.linalg.norm(missed))
-        numbers, factors = (*heated.own, *self._numbers), (*(1.0 for _ in heated.own), *self._basis.T @ wanted)
-        return [(Column(*self._key, i, self._listed), float(f)) for i, f in zip(numbers, factors, strict=True)]
+        numbers, factors = (
+            (*heated.own, *self._numbers),
+            (*(1.0 for _ in heated.own), *self._basis.T @ wanted),
+        )
+        return [
+            (Column(*self._key, i, self._listed), float(f))
+            for i, f in zip(numbers, factors, strict=True)
+        ]
 
     def _add(self, variation: Array) -> None:
         """A column more, of a unit variation (f,) orthogonal to all."""
@@ -409,8 +489,8 @@ class Conduction:
 
 @dataclass(frozen=True)
 class Temperature:
-    """θ of one scene, Σ factor × field [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat that moves (NaN if
-    unused)."""
+    """θ of one scene, Σ factor × field [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat
+    that moves (NaN if unused)."""
 
     fields: Mapping[Field, float]
     heat_balance: float
@@ -429,12 +509,16 @@ class Temperature:
 
 
 class Temperatures:
-    """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis terms.
+    """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis
+    terms.
 
-    nodes: (r,) those on the closure of Γ_θ and of the edges `held` whose temperature is given, ascending
+    nodes: (r,) those on the closure of Γ_θ and of the edges `held` whose temperature is given,
+    ascending
     """
 
-    def __init__(self, forms: ElasticForms, scene: Scene, scenes: Sequence[Scene], memory: float) -> None:
+    def __init__(
+        self, forms: ElasticForms, scene: Scene, scenes: Sequence[Scene], memory: float
+    ) -> None:
         """scene: any scene of the study;  scenes: all to come, if known;  memory: bytes of fields kept."""
         self.mesh, self._forms, self._wanted = forms.mesh, forms, _wanted(scenes)
         self.held = tuple(edge for edge, _ in scene.held_theta)
@@ -469,7 +553,8 @@ class Temperatures:
         return self._factors.of(k, lambda: HeatFactor(self._forms, self.nodes, k))
 
     def of(self, scene: Scene) -> Temperature:
-        """θ of a scene; zero where the scene has no heat. Nothing is solved for what is constant or unused."""
+        """θ of a scene; zero where the scene has no heat. Nothing is solved for what is constant or
+        unused."""
         if self._last is not None and self._last[0] is scene:
             return self._last[1]
         parts, judged, given = list[Part](), False, scene.heat.theta
@@ -478,13 +563,22 @@ class Temperatures:
         elif scene.conducts:
             (uniform, shares), (alpha, ratios) = heat_shares(scene), exchange_level(scene)
             k = scene.material.k or 1.0
-            own = ((self.conduction(relative_k(scene), ratios), datum, factor) for datum, factor in shares)
-            parts = [Part({None: uniform}), *(c.part(datum, alpha, k, factor) for c, datum, factor in own)]
-            judged = bool(shares) and (scene.heat_by_edge or any(datum.heats for datum, _ in shares))
+            own = (
+                (self.conduction(relative_k(scene), ratios), datum, factor)
+                for datum, factor in shares
+            )
+            parts = [
+                Part({None: uniform}),
+                *(c.part(datum, alpha, k, factor) for c, datum, factor in own),
+            ]
+            judged = bool(shares) and (
+                scene.heat_by_edge or any(datum.heats for datum, _ in shares)
+            )
         fields = dict[Field, float]()
         for name, factor in (pair for part in parts for pair in part.fields.items()):
             fields[name] = fields.get(name, 0.0) + factor
-        # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
+        # relative to all heat that moves, because sources and sinks may cancel, and little q pass
+        # much heat by
         out, given_heat, through = np.sum([(0.0, 0.0, 0.0), *(part.heat for part in parts)], axis=0)
         balance = float(abs(out - given_heat) / through) if through else 0.0
         self._last = scene, Temperature(fields, balance if judged else float("nan"), self)
@@ -497,10 +591,13 @@ class Temperatures:
         self._prepare(relative_k(scene))
         fields = [(name, factor) for name, factor in self.of(scene).fields.items() if factor != 0.0]
         materials = ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0)
-        return [(where, name, beta * factor) for where, beta in materials for name, factor in fields]
+        return [
+            (where, name, beta * factor) for where, beta in materials for name, factor in fields
+        ]
 
     def _prepare(self, k: Conductivity) -> None:
-        """Compute what all scenes to come need, if it fits into the memory, and let go of the factor."""
+        """Compute what all scenes to come need, if it fits into the memory, and let go of the
+        factor."""
         sets = [ratios for own, ratios in self._wanted if own == k]
         if k in self._prepared or not sets:
             return
@@ -520,7 +617,9 @@ class Temperatures:
         if name in self._fields:
             return self._fields[name]
         columns, found = name.together, dict[Field, Array]()
-        for column, values in zip(columns, self.conduction(name.k, name.ratios).fields(columns), strict=True):
+        for column, values in zip(
+            columns, self.conduction(name.k, name.ratios).fields(columns), strict=True
+        ):
             found[column] = self._fields[column] = values
         return found[name]
 
@@ -534,7 +633,8 @@ class Temperatures:
         return float(area @ theta[self.mesh.triangles].mean(axis=1)) / float(area.sum())
 
     def response(self, scene: Scene, source: Array) -> Array:
-        """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges being at 0."""
+        """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges
+        being at 0."""
         alpha, ratios = exchange_level(scene)
         k = scene.material.k or 1.0
         return self.conduction(relative_k(scene), ratios).response(source / k, alpha / k)
@@ -544,11 +644,15 @@ class Temperatures:
         theta, found = self.of(scene).theta, np.zeros(self.mesh.n_points)
         for edge, _, bar in scene.exchange:
             if edge in edges:
-                found[self.nodes] += self.surroundings(bar, (edge,)) - self.exchange({edge: 1.0}) @ theta[self.nodes]
+                found[self.nodes] += (
+                    self.surroundings(bar, (edge,)) - self.exchange({edge: 1.0}) @ theta[self.nodes]
+                )
         return found
 
 
-def _wanted(scenes: Sequence[Scene]) -> dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]]:
+def _wanted(
+    scenes: Sequence[Scene],
+) -> dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]]:
     """Values of α/k by datum of the scenes to come, by conductivities and ratios."""
     found: dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]] = {}
     for scene in distinct(scenes, *FELT):
@@ -556,5 +660,7 @@ def _wanted(scenes: Sequence[Scene]) -> dict[tuple[Conductivity, Ratios], dict[D
         if scene.material.expands and scene.conducts and scene.heat.theta is None and k:
             alpha, ratios = exchange_level(scene)
             for key, _ in heat_shares(scene)[1]:
-                found.setdefault((relative_k(scene), ratios), {}).setdefault(key, {})[alpha / k] = None
+                found.setdefault((relative_k(scene), ratios), {}).setdefault(key, {})[alpha / k] = (
+                    None
+                )
     return found

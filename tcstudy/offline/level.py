@@ -1,8 +1,9 @@
-"""One mesh level of a study: matrices once, a factorisation for each λ/μ, a condensed problem for each sweep point.
+"""One mesh level of a study: matrices once, a factorisation for each λ/μ, a condensed problem for
+each sweep point.
 
-A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales with μ, l̃ does not
-depend on it, A⁻¹l scales with 1/μ. Where materials differ by region the ratio is that of all their moduli, and of
-springs, to μ of the material of the body.
+A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales
+with μ, l̃ does not depend on it, A⁻¹l scales with 1/μ. Where materials differ by region the ratio
+is that of all their moduli, and of springs, to μ of the material of the body.
 """
 
 from __future__ import annotations
@@ -19,11 +20,26 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, condense
 from tcstudy.condense.condensation import EliminationPlan
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
-from tcstudy.fem.forms import ElasticForms, Moduli, Springs, constrain, contact_line, couple, edge_load, source_load
+from tcstudy.fem.forms import (
+    ElasticForms,
+    Moduli,
+    Springs,
+    constrain,
+    contact_line,
+    couple,
+    edge_load,
+    source_load,
+)
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.guaranteed import Band, EquilibriumBody, dual_body, lambda_1_band, require_straight
+from tcstudy.offline.guaranteed import (
+    Band,
+    EquilibriumBody,
+    dual_body,
+    lambda_1_band,
+    require_straight,
+)
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
 from tcstudy.scene.records import Boundary, Clamped, Contact, EdgeHeat, Rigid, Role, Scalar, Scene
 
@@ -42,7 +58,8 @@ ROUNDINGS = 4.0
 class BasisLoad:
     """A load of no number but its shape.
 
-    kind: "body", "edge": ∫f·v and, over the study edge `where`, ∫g·v; f or g of shape s along the axis a, data = (s, a)
+    kind: "body", "edge": ∫f·v and, over the study edge `where`, ∫g·v; f or g of shape s along the
+    axis a, data = (s, a)
           "pressure":     −∫ s n·v over an edge
           "force":        a resultant of 1 along the axis a, spread evenly over an edge
           "moment":       a moment of 1 about the middle of an edge
@@ -61,7 +78,9 @@ LoadTerm = tuple[BasisLoad, float]
 
 def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Boundary) -> Iterator[LoadTerm]:
     """Terms of ∫f·v and of what loads all edges."""
-    given: list[tuple[Mechanical, int | None, Scalar, str]] = [("body", axis, f[axis], "") for axis in (0, 1)]
+    given: list[tuple[Mechanical, int | None, Scalar, str]] = [
+        ("body", axis, f[axis], "") for axis in (0, 1)
+    ]
     for name, role in boundary:
         given += [("force", axis, role.force[axis], name) for axis in (0, 1)]
         given += [("moment", None, role.moment or 0.0, name)]
@@ -74,7 +93,8 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Boundary) -> Iterator[L
 
 
 def loaded_by(scene: Scene, *, loads: bool = False) -> Scene:
-    """The scene with its mechanical loads as they are or none, and nothing else: no given displacement, θ = 0."""
+    """The scene with its mechanical loads as they are or none, and nothing else: no given
+    displacement, θ = 0."""
     boundary, none, body = [], (0.0, 0.0), scene.heat
     for name, role in scene.boundary:
         x, y = (None if one is None else 0.0 for one in role.u)
@@ -85,20 +105,28 @@ def loaded_by(scene: Scene, *, loads: bool = False) -> Scene:
             theta, theta_bar = (None if one is None else 0.0 for one in (own.theta, own.theta_bar))
             kept = replace(kept, heat=EdgeHeat(theta, 0.0, own.alpha, theta_bar))
         boundary.append((name, kept))
-    body = replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
+    body = (
+        replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
+    )
     f = scene.f if loads else none
     return replace(scene, boundary=tuple(boundary), f=f, heat=body, load=1.0, unscaled=None)
 
 
 def ratio_of(scene: Scene) -> Ratio:
-    """λ/μ, μ/μ of the regions and springs over μ, to 15 digits: scenes that share it share a factor."""
+    """λ/μ, μ/μ of the regions and springs over μ, to 15 digits: scenes that share it share a
+    factor."""
     mu = scene.material.mu
-    moduli = tuple((at, to_digits(one.lam / mu), to_digits(one.mu / mu)) for at, one in scene.pieces)
-    return moduli, tuple((edge, to_digits(n / mu), to_digits(t / mu)) for edge, n, t in scene.springs)
+    moduli = tuple(
+        (at, to_digits(one.lam / mu), to_digits(one.mu / mu)) for at, one in scene.pieces
+    )
+    return moduli, tuple(
+        (edge, to_digits(n / mu), to_digits(t / mu)) for edge, n, t in scene.springs
+    )
 
 
 class Condensed(NamedTuple):
-    """One scene on one level: Ã, l̃, c, law, and what the total potential energy L_θ(u) has beside L̃(u₁) [J/m]."""
+    """One scene on one level: Ã, l̃, c, law, and what the total potential energy L_θ(u) has beside
+    L̃(u₁) [J/m]."""
 
     problem: ContactProblem
     constant: float
@@ -162,10 +190,11 @@ class ElasticBody:
         self.lambda_1, self.lambda_1_error = 0.0, 0.0
         if level.held:
             self.condensation.require_definite()
-            # Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky: Demmel, LAPACK
-            # Working Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i² with u the mode of the whole body: what is
-            # lost where that is stiff but only moves as a whole, or along an edge that a spring holds across. An
-            # estimate, ROUNDINGS of them; of 200 random bodies none lost more than one.
+            # Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky:
+            # Demmel, LAPACK Working Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i² with u
+            # the mode of the whole body: what is lost where that is stiff but only moves as a
+            # whole, or along an edge that a spring holds across. An estimate, ROUNDINGS of them; of
+            # 200 random bodies none lost more than one.
             value, x, error = least_eigenpair(self.condensation.A_tilde, line.c)
             work = float(A.diagonal() @ self.condensation.expand(x) ** 2)
             lost = ROUNDINGS * np.finfo(float).eps * work / value if value > 0.0 else np.inf
@@ -180,7 +209,8 @@ class ElasticBody:
         return self._reactions.T @ w_D[self._fixed]
 
     def load(self, mu: float, terms: Sequence[LoadTerm], w_D: Array) -> tuple[Array, float]:
-        """l̃ (m,) and what the energy has beside L̃, of a load whose last term is "prescribed" where w_D (2n,) is not 0.
+        """l̃ (m,) and what the energy has beside L̃, of a load whose last term is "prescribed"
+        where w_D (2n,) is not 0.
 
         L_θ(u) − L̃(u₁) = −½⟨l₂, A₂₂⁻¹l₂⟩ + ½⟨w_D, A w_D⟩ − ⟨l, w_D⟩
         """
@@ -194,7 +224,8 @@ class ElasticBody:
         return l_tilde @ factors, constant
 
     def _span(self, loads: Sequence[BasisLoad]) -> tuple[Array, Array, Array]:
-        """Of t basis loads: l̃ (m, t), ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t), and what they are at the rows that are held (t, h)."""
+        """Of t basis loads: l̃ (m, t), ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t), and what they are at the rows that
+        are held (t, h)."""
         bases, t, m = self._bases(loads), len(loads), self.condensation.m
         rows = [own[: len(own) - m] for own, _ in bases]  # L⁻¹l₂: the kept unknowns come last
         gram = np.array([[a @ b for b in rows] for a in rows]).reshape(t, t)
@@ -204,7 +235,8 @@ class ElasticBody:
     def _bases(self, loads: Sequence[BasisLoad]) -> list[_Basis]:
         """Basis loads condensed, from the cache or eliminated at once with their companions.
 
-        A load always goes with the same companions, so that its digits do not depend on what was asked for before.
+        A load always goes with the same companions, so that its digits do not depend on what was
+        asked for before.
         """
 
         found, level = dict[BasisLoad, _Basis](), self._level
@@ -212,14 +244,24 @@ class ElasticBody:
             if load in self._basis:
                 found[load] = self._basis[load]
             elif load.kind == "prescribed":
-                found |= self._eliminated([load], [-self._reaction(level.frames_of(load.data).values)])
+                found |= self._eliminated(
+                    [load], [-self._reaction(level.frames_of(load.data).values)]
+                )
             elif load not in found:
                 is_column = isinstance(load.data, Column)
-                together = [replace(load, data=column) for column in load.data.together] if is_column else [load]
-                found |= self._eliminated(together, [level.frames.local(level.vector(one)) for one in together])
+                together = (
+                    [replace(load, data=column) for column in load.data.together]
+                    if is_column
+                    else [load]
+                )
+                found |= self._eliminated(
+                    together, [level.frames.local(level.vector(one)) for one in together]
+                )
         return [found[load] for load in loads]
 
-    def _eliminated(self, loads: Sequence[BasisLoad], F: Sequence[Array]) -> dict[BasisLoad, _Basis]:
+    def _eliminated(
+        self, loads: Sequence[BasisLoad], F: Sequence[Array]
+    ) -> dict[BasisLoad, _Basis]:
         """Loads with their vectors in local rows (2n,), after one elimination."""
         forward = zip(loads, F, self.condensation.forward(np.column_stack(F)).T, strict=True)
         found = dict[BasisLoad, _Basis]()
@@ -237,16 +279,23 @@ class ElasticBody:
 
 
 class Level:
-    """All scenes of a study on one mesh. Caches are keyed by value: equal inputs are computed once."""
+    """All scenes of a study on one mesh. Caches are keyed by value: equal inputs are computed
+    once."""
 
     def __init__(
-        self, mesh: PlaneMesh, scene: Scene, scenes: Sequence[Scene] = (), held: bool = True, guarantee: bool = False
+        self,
+        mesh: PlaneMesh,
+        scene: Scene,
+        scenes: Sequence[Scene] = (),
+        held: bool = True,
+        guarantee: bool = False,
     ) -> None:
         """mesh: one level;  scene: any scene of the study (body and roles are the same in all of them).
 
-        scenes: all scenes to come, if known: many values of α then cost a few temperatures, not one each
-        held: False for a body that may slide along the contact line, which then has no λ₁
-        guarantee: whether λ₁ of the body itself is asked for; raises GeometryFailed if an edge is curved then
+        scenes: all scenes to come, if known: many values of α then cost a few temperatures, not one
+        each held: False for a body that may slide along the contact line, which then has no λ₁
+        guarantee: whether λ₁ of the body itself is asked for; raises GeometryFailed if an edge is
+        curved then
         """
         start = time.perf_counter()
         self.mesh, self.held, self.guarantee = mesh, held, guarantee
@@ -264,7 +313,8 @@ class Level:
         self.time_assemble = time.perf_counter() - start
 
     def frames_of(self, boundary: Boundary) -> Frames:
-        """The local frames of the nodes, with the displacements that a scene's boundary prescribes."""
+        """The local frames of the nodes, with the displacements that a scene's boundary
+        prescribes."""
         key = _held(boundary)
         return self._frames.of(key, lambda: constrain(self.mesh, key))
 
@@ -290,12 +340,17 @@ class Level:
         l_tilde, constant = self._load(scene)
         body = self._body(scene)
         A_tilde = scene.material.mu * body.condensation.A_tilde
-        return Condensed(ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error), constant)
+        return Condensed(
+            ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error),
+            constant,
+        )
 
     def _load(self, scene: Scene) -> tuple[Array, float]:
         """l̃ (m,) [N/m], and what the energy has beside L̃ [J/m]."""
         terms = self._terms(scene)  # heat first: its factor may go before the elastic one comes
-        return self._body(scene).load(scene.material.mu, terms, self.frames_of(scene.boundary).values)
+        return self._body(scene).load(
+            scene.material.mu, terms, self.frames_of(scene.boundary).values
+        )
 
     def _given(self, scene: Scene) -> list[LoadTerm]:
         heats = self.temperatures.terms(scene)
@@ -327,21 +382,35 @@ class Level:
         Raises as `condensed`; ValueError for scenes of different ratios.
         """
         start = time.perf_counter()
-        which: dict[Hashable, int] = {}  # by identity: a sweep shares its records, and equal ones only cost time
-        of = [which.setdefault((id(s.boundary), id(s.heat), id(s.material), s.f), len(which)) for s in scenes]
+        which: dict[
+            Hashable, int
+        ] = {}  # by identity: a sweep shares its records, and equal ones only cost time
+        of = [
+            which.setdefault((id(s.boundary), id(s.heat), id(s.material), s.f), len(which))
+            for s in scenes
+        ]
         first = np.unique(of, return_index=True)[1]
         if len({self.ratio(scenes[i]) for i in first}) > 1:
             raise ValueError("the scenes of a block differ in λ/μ")
         loads = []
         for scene in (scenes[i] for i in first):
-            load, theta = self._load(scene), self.temperature(scene) if scene.material.expands else None
-            loads.append((*load, theta.mean, theta.heat_balance) if theta else (*load, np.nan, np.nan))
+            load, theta = (
+                self._load(scene),
+                self.temperature(scene) if scene.material.expands else None,
+            )
+            loads.append(
+                (*load, theta.mean, theta.heat_balance) if theta else (*load, np.nan, np.nan)
+            )
         body = self._body(scenes[0])
-        l_tilde, constant, mean, balance = (np.array(column)[of] for column in zip(*loads, strict=True))
+        l_tilde, constant, mean, balance = (
+            np.array(column)[of] for column in zip(*loads, strict=True)
+        )
         mu = np.array([scene.material.mu for scene in scenes])
         own = (body.condensation.A_tilde, self.line.c, body.lambda_1, body.lambda_1_error, mu)
         band = self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None
-        return CondensedBlock(*own, l_tilde, constant, mean, balance, time.perf_counter() - start, band)
+        return CondensedBlock(
+            *own, l_tilde, constant, mean, balance, time.perf_counter() - start, band
+        )
 
     ratio = staticmethod(ratio_of)
 
@@ -355,11 +424,14 @@ class Level:
         if ratio not in self._bands:
             dual, factor = self.dual(scene)
             A_tilde = mu / factor * self._body(scene).condensation.A_tilde
-            self._bands[ratio] = lambda_1_band(dual, self.mesh, self.line, A_tilde).times(factor / mu)
+            self._bands[ratio] = lambda_1_band(dual, self.mesh, self.line, A_tilde).times(
+                factor / mu
+            )
         return self._bands[ratio].times(mu)
 
     def dual(self, scene: Scene) -> tuple[EquilibriumBody, float]:
-        """Equilibrium elements of this λ/μ, one at a time, and how many times as stiff the scene is."""
+        """Equilibrium elements of this λ/μ, one at a time, and how many times as stiff the scene
+        is."""
         ratio, mu = ratio_of(scene), scene.material.mu
         if ratio not in self._duals:
             self._duals.clear()
@@ -368,9 +440,13 @@ class Level:
         return body, mu / own
 
     def held_slips(self, scene: Scene) -> Array:
-        """(h,) u_T along the exact edge at held ends of Γ_C, as prescribed; NaN where a rigid edge moves one [m]."""
+        """(h,) u_T along the exact edge at held ends of Γ_C, as prescribed; NaN where a rigid edge
+        moves one [m]."""
         (at, side), frames, n = self.line.held, self.frames_of(scene.boundary), self.mesh.n_points
-        node, normal = self.line.segments[at, side], self.mesh.end_normals[self.line.which[at], side]
+        node, normal = (
+            self.line.segments[at, side],
+            self.mesh.end_normals[self.line.which[at], side],
+        )
         u_x, u_y = frames.cartesian(frames.values).reshape(2, n)[:, node]
         found = normal[:, 0] * u_y - normal[:, 1] * u_x
         if frames.ties is not None:
@@ -387,22 +463,30 @@ class Level:
         return frames.cartesian(w + frames.values)
 
     def fields(self, scene: Scene, u_T: Array) -> dict[str, Array]:
-        """Nodal fields of the whole body by name, (n,) each: u_x, u_y [m] and, where it loads the body, theta [K]."""
+        """Nodal fields of the whole body by name, (n,) each: u_x, u_y [m] and, where it loads the
+        body, theta [K]."""
         u, n = self.displacement(scene, u_T), self.mesh.n_points
         known = {"u_x": u[:n], "u_y": u[n:]}
-        return known if not scene.material.expands else known | {"theta": self.temperature(scene).theta}
+        return (
+            known
+            if not scene.material.expands
+            else known | {"theta": self.temperature(scene).theta}
+        )
 
     def extension(self, scene: Scene, u_T: Array) -> Array:
-        """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by u_T (m,)."""
+        """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by
+        u_T (m,)."""
         return self.frames.cartesian(self._body(scene).condensation.expand(u_T))
 
     def condensed_of(self, scene: Scene, load: Array) -> Array:
-        """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
+        """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward
+        elimination."""
         condensation = self._body(scene).condensation
         return condensation.condensed(condensation.forward(self.frames.local(load)))
 
     def load(self, scene: Scene) -> Array:
-        """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
+        """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed
+        displacements."""
         parts = (factor * self.vector(load) for load, factor in self._given(scene))
         return np.asarray(sum(parts, np.zeros(2 * self.mesh.n_points)))
 
@@ -413,7 +497,9 @@ class Level:
 
     def stiffness_times(self, scene: Scene, u: Array) -> Array:
         """(A + S)u of a scene's body, as `forces`."""
-        return self.forces(u, tuple((at, one.lam, one.mu) for at, one in scene.pieces), scene.springs)
+        return self.forces(
+            u, tuple((at, one.lam, one.mu) for at, one in scene.pieces), scene.springs
+        )
 
     def reactions(self, scene: Scene, u: Array) -> Array:
         """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
@@ -442,7 +528,8 @@ MOST_NODES = 250
 
 
 def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -> dict[str, Array]:
-    """What a page needs to solve the points of a sweep by itself; empty where a level has more than MOST_NODES nodes.
+    """What a page needs to solve the points of a sweep by itself; empty where a level has more than
+    MOST_NODES nodes.
 
     A_tilde: (m, m) of the first point;  stiffness: (*shape) μ over that of the first point
     load, mechanical_load: (*shape, m) l̃, and its part from f, g, pressure and forces
@@ -453,7 +540,10 @@ def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -
     if not 0 < m <= MOST_NODES:
         return {}
     valid = np.array([level.ratio(scene) == level.ratio(first) for scene in scenes])
-    own, loads = [scene for scene, same in zip(scenes, valid, strict=True) if same], np.zeros((2, len(scenes), m))
+    own, loads = (
+        [scene for scene, same in zip(scenes, valid, strict=True) if same],
+        np.zeros((2, len(scenes), m)),
+    )
     mechanical = [loaded_by(scene, loads=True) for scene in own]
     for found, some in zip(loads, (own, mechanical), strict=True):
         found[valid] = level.block(some).l_tilde

@@ -1,18 +1,26 @@
-"""Numbers of a solved point: by law along Γ_C, forces of edges and sections, what else a study asks for.
+"""Numbers of a solved point: by law along Γ_C, forces of edges and sections, what else a study asks
+for.
 
 Lengths:    u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its
-            law is (s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`) are exact differences
-            of such parts. The law of a segment is that of its edge; where strength varies along it, each half has the
+            law is (s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`)
+            are exact differences
+            of such parts. The law of a segment is that of its edge; where strength varies along it,
+            each half has the
             law of its own node
 Edges:      what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
-            where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work: force times displacement
+            where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work:
+            force times displacement
 Sections:   N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across
-            Γ_C at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean over its sections is taken, which
-            is exact for nodal forces of P1: l(φt), φ = 1 before it, 0 behind it and linear on it, is a(u, φt) but
-            for rounding. Friction adds ∫ξ/c over the cells S_i, so that N(s) between the middles of segments is exact
+            Γ_C at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean over its
+            sections is taken, which
+            is exact for nodal forces of P1: l(φt), φ = 1 before it, 0 behind it and linear on it,
+            is a(u, φt) but
+            for rounding. Friction adds ∫ξ/c over the cells S_i, so that N(s) between the middles of
+            segments is exact
             where the line carries no other load
 Layers:     N of a region with a material of its own, of the forces of its triangles; with that of the rest they sum to
-            that of the body. What passes between two layers is that of P1, so that N of one has an error that falls
+            that of the body. What passes between two layers is that of P1, so that N of one has an
+            error that falls
             with h
 Stress:     σ = cε(u) − βθI, one on each triangle, θ being its mean there; in plane strain σ_zz = λ div u − βθ
 Left out:   lines that bend.
@@ -37,12 +45,15 @@ from tcstudy.scene.study import OutputPlan
 
 Array = NDArray[np.float64]
 EQUAL = 1e-9
-"""Relative difference of two tractions that are one, as on a plateau of b: the first of them counts."""
+"""Relative difference of two tractions that are one, as on a plateau of b: the first of them
+counts."""
 
 
-def line_numbers(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi: Array) -> dict[str, Array]:
-    """(P,) by name: `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's laws have none; and
-    (P, h) `held_u_T` of held ends [m].
+def line_numbers(
+    level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi: Array
+) -> dict[str, Array]:
+    """(P,) by name: `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's
+    laws have none; and (P, h) `held_u_T` of held ends [m].
 
     laws: of rows (P, 1) or (P, m);  v, xi: (P, m) slips [m] and tractions [Pa]
     """
@@ -53,9 +64,13 @@ def line_numbers(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi
     slipping, size = np.where(laws.kind(laws.locate(v)) == UP, 0.0, level.line.c), np.abs(xi)
     most = np.max(size, axis=1)
     return found | {
-        "slip_length": np.where(np.isnan(found.get("breathing_length", np.nan)), np.nan, slipping.sum(axis=1)),
+        "slip_length": np.where(
+            np.isnan(found.get("breathing_length", np.nan)), np.nan, slipping.sum(axis=1)
+        ),
         "shear_max": most,
-        "shear_max_at": level.line.arclength[np.argmax(size >= (1.0 - EQUAL) * most[:, None], axis=1)],
+        "shear_max_at": level.line.arclength[
+            np.argmax(size >= (1.0 - EQUAL) * most[:, None], axis=1)
+        ],
     }
 
 
@@ -80,10 +95,19 @@ def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str,
     change = np.any(np.diff(laws.regions, axis=1) != 0, axis=0)  # breakpoints between regions
     kinks, regions = laws.kinks[:, change][index], laws.regions[:, np.append(change, True)][index]
     width = np.where(resting, 1.0, high - low)[..., None]
-    below = np.where(resting[..., None], kinks >= high[..., None], np.clip((kinks - low[..., None]) / width, 0.0, 1.0))
-    parts = size[..., None] * np.diff(below, axis=-1, prepend=0.0, append=1.0)  # (P, s, pieces) of every segment
+    below = np.where(
+        resting[..., None],
+        kinks >= high[..., None],
+        np.clip((kinks - low[..., None]) / width, 0.0, 1.0),
+    )
+    parts = size[..., None] * np.diff(
+        below, axis=-1, prepend=0.0, append=1.0
+    )  # (P, s, pieces) of every segment
     # a joint has its edges' laws
-    known, found = laws.index if not by_node else np.delete(laws.index, line.joints.node, axis=1), dict[str, Array]()
+    known, found = (
+        laws.index if not by_node else np.delete(laws.index, line.joints.node, axis=1),
+        dict[str, Array](),
+    )
     for k in np.unique(laws.regions):
         has = np.any(laws.regions == k, axis=1)[known].any(axis=1)
         if k != BARE and np.any(has):
@@ -97,8 +121,9 @@ def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str,
 
 
 def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, float]:
-    """`debonded_from`, `debonded_to`: arclengths between which a bond is debonded whose nodes have slipped by up to
-    kappa (m,), linear between them; NaN where it is nowhere, nothing for a law that never has fallen [m].
+    """`debonded_from`, `debonded_to`: arclengths between which a bond is debonded whose nodes have
+    slipped by up to kappa (m,), linear between them; NaN where it is nowhere, nothing for a law
+    that never has fallen [m].
     """
     table, m = law.tables, line.m
     debonded = (table.regions == DEBONDED) & (table.lower >= 0.0)
@@ -115,7 +140,10 @@ def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, floa
     if not len(at):
         return {"debonded_from": np.nan, "debonded_to": np.nan}
     whole = float(line.lengths.sum())
-    return {"debonded_from": passed(at[0], at[0] - 1, 0.0), "debonded_to": passed(at[-1], at[-1] + 1, whole)}
+    return {
+        "debonded_from": passed(at[0], at[0] - 1, 0.0),
+        "debonded_to": passed(at[-1], at[-1] + 1, whole),
+    }
 
 
 STRAIGHT = 1e-9
@@ -123,11 +151,16 @@ STRAIGHT = 1e-9
 
 
 def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
-    """(2, n) force of every edge that holds or touches the body on its nodes, r = Au + Su − l_θ there [N/m].
+    """(2, n) force of every edge that holds or touches the body on its nodes, r = Au + Su − l_θ
+    there [N/m].
 
     A node where two of them meet counts to the first, clamped before contact.
     """
-    rest, taken, found = level.reactions(scene, u).reshape(2, -1), np.zeros(level.mesh.n_points, dtype=bool), {}
+    rest, taken, found = (
+        level.reactions(scene, u).reshape(2, -1),
+        np.zeros(level.mesh.n_points, dtype=bool),
+        {},
+    )
     for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
         if isinstance(role, Clamped | Contact):
             own = np.isin(np.arange(len(taken)), level.mesh.nodes_on(name)) & ~taken
@@ -142,13 +175,19 @@ def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
     for name, role in scene.boundary:
         if not isinstance(role, Free):
             own = -level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
-            own += sum(factor * level.vector(load) for load, factor in mechanical_terms((0.0, 0.0), ((name, role),)))
+            own += sum(
+                factor * level.vector(load)
+                for load, factor in mechanical_terms((0.0, 0.0), ((name, role),))
+            )
             found[name] = found.get(name, 0.0) + own.reshape(2, -1)
     return found
 
 
-def section_force(level: Level, scene: Scene, u_T: Array, sigma: Array) -> tuple[Array, dict[str, Array], Array] | None:
-    """N at the nodes of Γ_C, held ones included (s + 1,), of the body and of layers by region [N/m]; arc lengths [m].
+def section_force(
+    level: Level, scene: Scene, u_T: Array, sigma: Array
+) -> tuple[Array, dict[str, Array], Array] | None:
+    """N at the nodes of Γ_C, held ones included (s + 1,), of the body and of layers by region
+    [N/m]; arc lengths [m].
 
     u_T: (m,) [m];  sigma: (t, 4) stress [Pa]. None for a line that bends.
     """
@@ -165,7 +204,8 @@ def section_force(level: Level, scene: Scene, u_T: Array, sigma: Array) -> tuple
     friction = np.concatenate([[0.0], np.cumsum(0.5 * h * density.sum(axis=1))])
 
     def sections(nodal: Array, rubs: bool) -> Array:
-        """N of forces (2, n) on nodes; rubs: whether friction is among them, which acts along the cells."""
+        """N of forces (2, n) on nodes; rubs: whether friction is among them, which acts along the
+        cells."""
         force = along[0] @ nodal
         if rubs:
             force[line.nodes] += xi
@@ -175,12 +215,23 @@ def section_force(level: Level, scene: Scene, u_T: Array, sigma: Array) -> tuple
         if len(h) > 1:  # at the ends of the line it goes on as it begins
             slopes = (np.diff(rest) / np.diff(middle))[[0, -1]]
             ends = [rest[0] - slopes[0] * middle[0]], [rest[-1] + slopes[1] * (at[-1] - middle[-1])]
-            rest, middle = np.concatenate([ends[0], rest, ends[1]]), np.concatenate([[0.0], middle, at[-1:]])
+            rest, middle = (
+                np.concatenate([ends[0], rest, ends[1]]),
+                np.concatenate([[0.0], middle, at[-1:]]),
+            )
         return np.interp(at, middle, rest) + (friction if rubs else 0.0)
 
     contact = mesh.owner[mesh.on(*scene.edges(Contact))]
-    pulled, found = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes), {}
-    for name in ("", *(name for name, _ in scene.material.regions)):  # the body, regions with a material of their own
+    pulled, found = (
+        np.einsum(
+            "tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes
+        ),
+        {},
+    )
+    for name in (
+        "",
+        *(name for name, _ in scene.material.regions),
+    ):  # the body, regions with a material of their own
         nodal, own = np.zeros((2, mesh.n_points)), mesh.inside((name,) if name else ())
         np.add.at(nodal.T, mesh.triangles[own], pulled[own])
         found[name] = sections(nodal, bool(own[contact].all()))
@@ -188,7 +239,8 @@ def section_force(level: Level, scene: Scene, u_T: Array, sigma: Array) -> tuple
 
 
 OUTSIDE = 0.1
-"""How far outside all triangles a point may lie, in barycentric coordinates: between a chord and its arc, say."""
+"""How far outside all triangles a point may lie, in barycentric coordinates: between a chord and
+its arc, say."""
 
 
 @dataclass(frozen=True)
@@ -199,8 +251,14 @@ class RequestedOutputs:
     output: OutputPlan
 
     def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
-        """The numbers by variable name (data.schema) at a solution u_T (m,) of a scene; N is (m,)."""
-        level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, Any]()
+        """The numbers by variable name (data.schema) at a solution u_T (m,) of a scene; N is
+        (m,)."""
+        level, wanted, mesh, found = (
+            self.level,
+            self.output.quantities,
+            self.level.mesh,
+            dict[str, Any](),
+        )
         u, warm = level.displacement(scene, u_T), scene.material.expands
         theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)
         stressed = self.output.probes or {"von_mises", "section_force"} & {*wanted}
@@ -209,15 +267,25 @@ class RequestedOutputs:
             found |= self._probes(u, theta if warm else theta + np.nan, sigma)
             if "von_mises" in wanted:
                 xx, yy, xy, zz = sigma.T
-                size = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
+                size = np.sqrt(
+                    0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2
+                )
                 x, y = mesh.corners[worst := int(np.argmax(size))].mean(axis=0)
-                found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
+                found |= {
+                    "von_mises_max": float(size[worst]),
+                    "von_mises_x": float(x),
+                    "von_mises_y": float(y),
+                }
         for kind, forces in (("reaction", support_forces), ("force", edge_forces)):
             for name, force in forces(level, scene, u).items() if f"{kind}s" in wanted else ():
                 x, y = force.sum(axis=1)
                 found |= {f"{kind}_{name}_x": float(x), f"{kind}_{name}_y": float(y)}
                 found |= {f"work_{name}": float(force.ravel() @ u)} if kind == "force" else {}
-        if "section_force" in wanted and sigma is not None and (section := section_force(level, scene, u_T, sigma)):
+        if (
+            "section_force" in wanted
+            and sigma is not None
+            and (section := section_force(level, scene, u_T, sigma))
+        ):
             N, layers, at = section
             most = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
             free = np.append(level.line.unknowns[:, 0], level.line.unknowns[-1, 1]) >= 0
@@ -252,10 +320,17 @@ class RequestedOutputs:
             if weights.min() <= -OUTSIDE:
                 continue
             at = components[:, nodes] @ weights
-            found |= {f"{start}_u_x": at[0], f"{start}_u_y": at[1], f"{start}_theta": theta[nodes] @ weights}
-            found |= {f"{start}_sigma_{c}": sigma[triangle, i] for i, c in enumerate(("xx", "yy", "xy"))}
+            found |= {
+                f"{start}_u_x": at[0],
+                f"{start}_u_y": at[1],
+                f"{start}_theta": theta[nodes] @ weights,
+            }
+            found |= {
+                f"{start}_sigma_{c}": sigma[triangle, i] for i, c in enumerate(("xx", "yy", "xy"))
+            }
             if probe.on_contact:
-                # the contact line's ends may be held, so that u_T is that of the segment that is nearest
+                # the contact line's ends may be held, so that u_T is that of the segment that is
+                # nearest
                 k, share = line.nearest(probe.at)
                 first, second = components[:, line.segments[k]].T
                 along = line.ends[k, 1] - line.ends[k, 0]

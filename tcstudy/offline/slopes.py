@@ -1,16 +1,18 @@
-"""Derivatives of a condensed problem by one number p of its scene: of its load and body, and of its friction.
+"""Derivatives of a condensed problem by one number p of its scene: of its load and body, and of its
+friction.
 
-Of the whole body's problem A(p) u = l(p), with û the displacement at a solution, prescribed part w_D included, and E
-the extension of contact nodes,
+Of the whole body's problem A(p) u = l(p), with û the displacement at a solution, prescribed part
+w_D included, and E the extension of contact nodes,
 
     r = ∂l̃/∂p − (∂Ã/∂p) v = Eᵀ(∂l/∂p − (∂A/∂p) û − A ∂w_D/∂p)           one forward elimination
     ∂(energy)/∂p = ½ ûᵀ(∂A/∂p)û − (∂l/∂p)ᵀû + (Aû − l)ᵀ ∂w_D/∂p         envelope theorem; friction's part is the law's
     ∂λ₁/∂p = x̂ᵀ(∂A/∂p)x̂ / xᵀCx,   x̂ = E x, x the eigenvector
 
-exactly, for E, ν, alpha_T, beta and k of the body or of a region, stiffness of springs, α of edges (the heat problem
-solved once more with what the change puts in: −∫_e (θ − θ̄)φ, −∫_ω ∇θ·∇φ), and all in which the load is affine: the
-derivative is then the load of the scene with p = 1 and nothing else. Numbers of a law, or its strength, change b and
-its kinks by the numbers that the law is made of (`laws.composed`).
+exactly, for E, ν, alpha_T, beta and k of the body or of a region, stiffness of springs, α of edges
+(the heat problem solved once more with what the change puts in: −∫_e (θ − θ̄)φ, −∫_ω ∇θ·∇φ), and
+all in which the load is affine: the derivative is then the load of the scene with p = 1 and nothing
+else. Numbers of a law, or its strength, change b and its kinks by the numbers that the law is made
+of (`laws.composed`).
 
 Left out: the geometry, which moves the mesh.
 """
@@ -55,38 +57,62 @@ class Change:
 
 def is_load(path: tuple[str, ...]) -> bool:
     """Whether it is the load alone that a number changes, and is affine in it."""
-    return path[0] in ("load", "loads", "heat", "boundary") and path[-1] != "alpha" and path[-2:-1] != ("spring",)
+    return (
+        path[0] in ("load", "loads", "heat", "boundary")
+        and path[-1] != "alpha"
+        and path[-2:-1] != ("spring",)
+    )
 
 
 def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
-    """∂A/∂p, ∂l/∂p and ∂w_D/∂p; none for a number of a law. Raises KeyError for a number that there is not."""
+    """∂A/∂p, ∂l/∂p and ∂w_D/∂p; none for a number of a law. Raises KeyError for a number that there
+    is not."""
     path, none = by.path, np.zeros(2 * level.mesh.n_points)
     load, mean, heat = none, 0.0, level.temperatures
 
     def heated(put_in: Array) -> tuple[Array, float]:
         """The load and the mean of the temperature that heat at the nodes (n,) makes."""
         theta = heat.response(scene, put_in)
-        loads = (own.beta * level.elastic.expansion(theta, where) for where, own in scene.pieces if own.beta != 0.0)
+        loads = (
+            own.beta * level.elastic.expansion(theta, where)
+            for where, own in scene.pieces
+            if own.beta != 0.0
+        )
         return np.asarray(sum(loads, none)), heat.mean_of(theta)
 
     if path[0] in ("friction", "history"):
         return Change(none, none)
     if path[0] in ("material", "materials"):
-        where, own = next(one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],))
+        where, own = next(
+            one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],)
+        )
         one = own.with_number(stepped(getattr(own, path[-1])), path[-1])
         lam, mu, beta, k = map(derivative, (one.lam, one.mu, one.beta, one.k))
         if beta:
             load = beta * level.elastic.expansion(level.temperature(scene).theta, where)
         if k and scene.heat.theta is None and scene.conducts:
-            more, mean = heated(-(level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta))
+            more, mean = heated(
+                -(level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta)
+            )
             load = load + more
         return Change(load, none, ((where, lam, mu),) if lam or mu else (), (), mean)
     if path[-2:-1] == ("spring",):
-        return Change(none, none, (), ((path[1], float(path[-1] == "normal"), float(path[-1] == "tangential")),))
+        return Change(
+            none,
+            none,
+            (),
+            ((path[1], float(path[-1] == "normal"), float(path[-1] == "tangential")),),
+        )
     if path[-1] == "alpha":
         # of one edge, or of all without an α of their own
-        others = (name for name, role in scene.boundary if exchanges(role) and not (role.heat and role.heat.alpha))
-        load, mean = heated(heat.exchanged(scene, (path[1],) if path[0] == "boundary" else tuple(others)))
+        others = (
+            name
+            for name, role in scene.boundary
+            if exchanges(role) and not (role.heat and role.heat.alpha)
+        )
+        load, mean = heated(
+            heat.exchanged(scene, (path[1],) if path[0] == "boundary" else tuple(others))
+        )
         return Change(load, none, theta_mean=mean)
     factor = scene.load if path[-1] in FACTORED else 1.0
     whole = loaded_by(scene.unscaled or scene, loads=True)
@@ -146,7 +172,9 @@ class WholeBody:
         """λ₁ and the next eigenvalue, and the eigenvector x (m,) with xᵀCx = 1."""
         problem = self.level.condensed(self.scene).problem
         last = min(1, problem.m - 1)
-        values, vectors = scipy.linalg.eigh(problem.A_tilde, np.diag(problem.c), subset_by_index=[0, last])
+        values, vectors = scipy.linalg.eigh(
+            problem.A_tilde, np.diag(problem.c), subset_by_index=[0, last]
+        )
         return np.append(values, np.inf)[:2], vectors[:, 0]
 
     def _times(self, change: Change, u: Array) -> Array:
@@ -156,7 +184,8 @@ class WholeBody:
 
 @dataclass(frozen=True, eq=False)
 class FrictionSlopes:
-    """Derivatives of friction by a number at the slips v of a solution; 0 where it is no number of a law.
+    """Derivatives of friction by a number at the slips v of a solution; 0 where it is no number of
+    a law.
 
     b:      (m,) ∂b/∂p;  kinks: (m,) of those on which nodes rest
     energy: of Σ c_i j_i, and of what nodes that rest on a moving kink do [J/m per unit of p]
@@ -171,7 +200,8 @@ class FrictionSlopes:
 
 
 def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> FrictionSlopes:
-    """Of a node that rests on a kink, v = κ(p): with b on the inner side of κ its energy has c (∂j/∂p + b κ′) − ξ κ′.
+    """Of a node that rests on a kink, v = κ(p): with b on the inner side of κ its energy has c
+    (∂j/∂p + b κ′) − ξ κ′.
 
     Raises KeyError where no law has the parameter.
     """
@@ -200,7 +230,9 @@ def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised)
     return FrictionSlopes(b, kinks, energy, agreed(found))
 
 
-def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> Iterator[tuple[Laws, Index, Array, bool]]:
+def _laws(
+    level: Level, scene: Scene, path: tuple[str, ...]
+) -> Iterator[tuple[Laws, Index, Array, bool]]:
     """(law, its nodes, its factor in their laws, whether the parameter belongs to it)."""
     friction, line = scene.friction, level.line
     if isinstance(friction, Laws):

@@ -1,7 +1,9 @@
-"""From a YAML 1.2 text to a tree of marked nodes: every value knows its key path and its place in the file; `--set`
-options put into it; faults collected; and where in a study's text something stands that is found later.
+"""From a YAML 1.2 text to a tree of marked nodes: every value knows its key path and its place in
+the file; `--set` options put into it; faults collected; and where in a study's text something
+stands that is found later.
 
-Anchors and aliases work; tags, merge keys and keys that are not plain words are refused with a remedy.
+Anchors and aliases work; tags, merge keys and keys that are not plain words are refused with a
+remedy.
 """
 
 from __future__ import annotations
@@ -62,8 +64,17 @@ class Node:
     def of(cls, plain: object, path: str) -> Node:
         """The node of a value without marks, which stands in no file."""
         if isinstance(plain, list):
-            return cls(tuple(cls.of(item, f"{path}[{i}]") for i, item in enumerate(plain)), path, Mark(), Mark())
-        made = {key: cls.of(item, f"{path}.{key}") for key, item in plain.items()} if isinstance(plain, dict) else plain
+            return cls(
+                tuple(cls.of(item, f"{path}[{i}]") for i, item in enumerate(plain)),
+                path,
+                Mark(),
+                Mark(),
+            )
+        made = (
+            {key: cls.of(item, f"{path}.{key}") for key, item in plain.items()}
+            if isinstance(plain, dict)
+            else plain
+        )
         return cls(made, path, Mark(), Mark())  # type: ignore[arg-type]
 
     def plain(self) -> object:
@@ -105,7 +116,9 @@ class Node:
 
     def nearest(self, *keys: str | int) -> Node:
         """The value at a path, or the last one that exists on the way."""
-        return next(node for n in range(len(keys), -1, -1) if (node := self.at(*keys[:n])) is not None)
+        return next(
+            node for n in range(len(keys), -1, -1) if (node := self.at(*keys[:n])) is not None
+        )
 
     def text(self) -> str:
         """The value as one line of YAML-like text, for messages and labels."""
@@ -124,10 +137,15 @@ class Node:
             return f"the truth value {self.text()}"
         if self.value is None or self.value == "":
             return "empty"
-        return f"the text {self.brief()!r}" if isinstance(self.value, str) else f"the number {self.brief()}"
+        return (
+            f"the text {self.brief()!r}"
+            if isinstance(self.value, str)
+            else f"the number {self.brief()}"
+        )
 
     def brief(self) -> str:
-        """The text, shortened so that a message stays one readable line; numbers that stand nowhere in six digits."""
+        """The text, shortened so that a message stays one readable line; numbers that stand nowhere
+        in six digits."""
         if self.shown_in is not None and isinstance(self.value, float):
             return f"{self.value / self.shown_in[1]:.6g} {self.shown_in[0]}".rstrip()
         return shortened(self.text())
@@ -138,11 +156,13 @@ MOST_LINES = 10
 
 
 class Collector:
-    """The problems found so far. Faults are collected, never raised one by one; each is said as "what; remedy".
+    """The problems found so far. Faults are collected, never raised one by one; each is said as
+    "what; remedy".
 
-    point: words for the sweep point being read; empty while the base study is read
-    drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
-    refused: what is wrong with the shape or the element sizes of one geometry of several, which then is left out
+    point: words for the sweep point being read; empty while the base study is read drawn: whether
+    the values of sweep points stand nowhere in the file, so that every fault must name the point
+    refused: what is wrong with the shape or the element sizes of one geometry of several, which
+    then is left out
     """
 
     def __init__(self) -> None:
@@ -156,18 +176,23 @@ class Collector:
         self._lines: Counter[tuple[str, str]] = Counter()
 
     def __len__(self) -> int:
-        """How often a fault was met, repeated ones included: unchanged if what was read in between is sound."""
+        """How often a fault was met, repeated ones included: unchanged if what was read in between
+        is sound."""
         return self._count
 
     def at(self, node: Node, *said: str, key: str | None = None, on_key: bool = False) -> None:
-        """Record a fault at a node, or at its key; the same fault in further sweep points is one fault.
+        """Record a fault at a node, or at its key; the same fault in further sweep points is one
+        fault.
 
         said: what is wrong and what to do, in one text "what; remedy" or several
         """
-        self.at_mark(node.key_mark if on_key else node.mark, node.path if key is None else key, *said)
+        self.at_mark(
+            node.key_mark if on_key else node.mark, node.path if key is None else key, *said
+        )
 
     def unfit(self, node: Node, key: str, *said: str) -> None:
-        """Record a shape or an element size that is none: a fault, unless it is that of one geometry of several."""
+        """Record a shape or an element size that is none: a fault, unless it is that of one
+        geometry of several."""
         if self.refused is None:
             self.at(node, *said, key=key)
         else:
@@ -175,14 +200,18 @@ class Collector:
             self.refused.append(f"{key}: {'; '.join(said)}")
 
     def unreadable(self, mark: Mark, key: str, *said: str) -> None:
-        """Record that there is no value at a place; whatever its readers say about it is no news."""
+        """Record that there is no value at a place; whatever its readers say about it is no
+        news."""
         self.at_mark(mark, key, *said)
         self._unreadable.add(mark)
 
     def at_mark(self, mark: Mark, key: str, *said: str) -> None:
         self._count += 1
         what, remedy = halves(said)
-        same: set[object] = {(mark, key), (key.rpartition(".")[2].partition("[")[0], what)}  # or of another value of it
+        same: set[object] = {
+            (mark, key),
+            (key.rpartition(".")[2].partition("[")[0], what),
+        }  # or of another value of it
         if mark in self._unreadable or (self.point and not same.isdisjoint(self._met)):
             return
         self._met |= same
@@ -212,11 +241,16 @@ def split_path(path: str) -> Keys | None:
 
 
 def place_of(root: Node, path: Keys) -> Keys:
-    """Where the number of a key path stands in the study: a component in its pair, b or s of a law's point in its list,
-    everything else at the path itself."""
+    """Where the number of a key path stands in the study: a component in its pair, b or s of a
+    law's point in its list, everything else at the path itself."""
     *inner, name = path
     for n, column in (2, 1), (3, 0):
-        if len(path) > n and path[-n] == "points" and str(path[1 - n]).isdecimal() and (n == 2 or name == "s"):
+        if (
+            len(path) > n
+            and path[-n] == "points"
+            and str(path[1 - n]).isdecimal()
+            and (n == 2 or name == "s")
+        ):
             return (*path[: 1 - n], int(path[1 - n]), column)
     stem, _, part = str(name).rpartition("_")
     paired = stem in ("f", "g", "force") or (stem == "u" and root.at(*inner, "u"))
@@ -226,8 +260,8 @@ def place_of(root: Node, path: Keys) -> Keys:
 
 
 def put_number(root: Node, path: Keys, new: Node) -> Node:
-    """A copy of the tree with a number put where it stands (`place_of`); of a pair that is not given the other is 0.
-    Raises KeyError as `put` does."""
+    """A copy of the tree with a number put where it stands (`place_of`); of a pair that is not
+    given the other is 0. Raises KeyError as `put` does."""
     keys = place_of(root, path)
     if keys != path and keys[-2] != "points" and root.at(*keys[:-1]) is None:
         root = put(root, keys[:-1], replace(new, value=(replace(new, value=0),) * 2))
@@ -235,7 +269,8 @@ def put_number(root: Node, path: Keys, new: Node) -> Node:
 
 
 def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:
-    """A copy of the tree with a value put at a path (None removes the key); shares all that is untouched.
+    """A copy of the tree with a value put at a path (None removes the key); shares all that is
+    untouched.
 
     Missing mappings on the way are made; a word that stands for a mapping is written out first.
     Raises KeyError with a text if a key on the way holds something else.
@@ -245,7 +280,11 @@ def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:
     key, rest = keys[0], keys[1:]
     here = ".".join(map(str, done)) or "the study"
     if isinstance(key, int):
-        if not isinstance(root.value, tuple) or key >= len(root.value) or (new is None and not rest):
+        if (
+            not isinstance(root.value, tuple)
+            or key >= len(root.value)
+            or (new is None and not rest)
+        ):
             raise KeyError(f"{here} has no entry [{key}] to set")
         items = list(root.value)
         items[key] = put(items[key], rest, new, (*done, key))
@@ -256,16 +295,23 @@ def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:
     elif new is not None or key in children:
         if len(done) == 2 and done[0] == "boundary":
             _hold_other(children, key)
-        empty = Node({}, ".".join(map(str, (*done, key))), (new or root).mark, (new or root).key_mark)
+        empty = Node(
+            {}, ".".join(map(str, (*done, key))), (new or root).mark, (new or root).key_mark
+        )
         children[key] = put(children.get(key, empty), rest, new, (*done, key))
     return replace(root, value=children)
 
 
 def _hold_other(children: dict[str, Node], key: str) -> None:
-    """A clamped edge without a displacement has u = 0: putting one component must not set the other one free."""
+    """A clamped edge without a displacement has u = 0: putting one component must not set the other
+    one free."""
     role = children.get("role")
     frame = next((pair for pair in (("u_x", "u_y"), ("u_N", "u_T")) if key in pair), ())
-    if role is not None and role.value == "clamped" and not any(name in COMPONENTS for name in children):
+    if (
+        role is not None
+        and role.value == "clamped"
+        and not any(name in COMPONENTS for name in children)
+    ):
         children.update({name: replace(role, value=0) for name in frame})
 
 
@@ -283,13 +329,21 @@ MAX_DEPTH = 40
 MAX_BYTES = 16_000_000
 """Of a study, or a table beside it; MAX_NODES numbers with their keys take less."""
 TAG = "tag:yaml.org,2002:"
-TEXTS, NUMBERS = {"!!str", "!!timestamp", "!!merge", "!!value"}, {"!!null", "!!bool", "!!int", "!!float"}
+TEXTS, NUMBERS = (
+    {"!!str", "!!timestamp", "!!merge", "!!value"},
+    {"!!null", "!!bool", "!!int", "!!float"},
+)
 """Tags of scalars that stay texts, and of those that have a value."""
 
 
 def load_text(path: Path) -> str:
     """The text of a study file; raises StudyError if it cannot be had."""
-    line, column, what, remedy = 0, 0, "there is no such file", "check the path; see configs/ for examples"
+    line, column, what, remedy = (
+        0,
+        0,
+        "there is no such file",
+        "check the path; see configs/ for examples",
+    )
     try:
         if path.is_file() and path.stat().st_size <= MAX_BYTES:
             return path.read_bytes().decode("utf-8")
@@ -299,7 +353,10 @@ def load_text(path: Path) -> str:
         elif path.is_dir():
             what, remedy = "this is a folder", "name the study file in it"
         elif path.exists():
-            what, remedy = "this is a device or a pipe, no file", "save the text in a file and name it"
+            what, remedy = (
+                "this is a device or a pipe, no file",
+                "save the text in a file and name it",
+            )
     except UnicodeDecodeError as error:
         what, remedy = "this is a result file", "name its study, or use tcstudy show"
         if path.suffix != ".nc":
@@ -312,28 +369,38 @@ def load_text(path: Path) -> str:
     raise _refusal(str(path), what, remedy, line, column)
 
 
-def compose(text: str, file: str, errors: Collector, path: str = "", *, option: bool = False) -> Node:
+def compose(
+    text: str, file: str, errors: Collector, path: str = "", *, option: bool = False
+) -> Node:
     """The tree of a YAML text; raises StudyError if the text is no YAML, collects what else is wrong.
     path:   key path of the text's root
     option: the text is the value of a `--set` option, so that marks have no line"""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", YAMLWarning)  # an anchor may be used again, says YAML 1.2
+            warnings.simplefilter(
+                "ignore", YAMLWarning
+            )  # an anchor may be used again, says YAML 1.2
             library = YAML(typ="safe", pure=True)
             root = library.compose(text)
         if root is None:
             raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
         return _Builder(library, file, errors, option).node(root, path, None)
     except RecursionError:
-        raise _refusal(file, "the YAML is nested too deeply", "a study needs fewer than ten levels") from None
+        raise _refusal(
+            file, "the YAML is nested too deeply", "a study needs fewer than ten levels"
+        ) from None
     except YAMLError as error:
         raise _syntax_error(error, text, file, option) from None
     except (ValueError, IndexError, AttributeError, TypeError, AssertionError) as error:
         # Malformed escapes, directives and tags make the YAML library fail in its own code.
-        raise _refusal(file, f"the YAML cannot be read ({error})", "look for odd directives, tags or escapes") from None
+        raise _refusal(
+            file, f"the YAML cannot be read ({error})", "look for odd directives, tags or escapes"
+        ) from None
 
 
-def _refusal(file: str, what: str, remedy: str, line: int = 0, column: int = 0, key: str = "") -> StudyError:
+def _refusal(
+    file: str, what: str, remedy: str, line: int = 0, column: int = 0, key: str = ""
+) -> StudyError:
     return StudyError([Problem(file, line, column, key, what, remedy)])
 
 
@@ -351,14 +418,22 @@ def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> Study
         line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
         what = f"the character {text[position : position + 1]!r} is not allowed in YAML"
     remedy = "correct the YAML here or in the lines above: quotes, brackets, a colon, indentation by blanks"
-    if what.endswith("but got '['") and (path := re.search(r"[\w.]*\w\[\d+\][\w.\[\]]*", text.splitlines()[line - 1])):
+    if what.endswith("but got '['") and (
+        path := re.search(r"[\w.]*\w\[\d+\][\w.\[\]]*", text.splitlines()[line - 1])
+    ):
         remedy = f'between braces a key with brackets needs quotes: "{path[0]}"'
     return _refusal(file, f"YAML syntax: {what}", remedy, *((0, 0) if option else (line, column)))
 
 
 class _Builder:
     def __init__(self, library: YAML, file: str, errors: Collector, option: bool) -> None:
-        self.library, self.file, self.errors, self.option, self.count = library, file, errors, option, 0
+        self.library, self.file, self.errors, self.option, self.count = (
+            library,
+            file,
+            errors,
+            option,
+            0,
+        )
         self.open: list[YamlNode] = []
 
     def mark(self, node: YamlNode) -> Mark:
@@ -374,28 +449,39 @@ class _Builder:
         if any(node is outer for outer in self.open):
             said, remedy = "an alias contains itself", "write the value out"
         elif self.count > MAX_NODES or len(self.open) > MAX_DEPTH:
-            said, remedy = "the study is too large or nested too deeply", "write long sweeps as {linspace: [a, b, n]}"
+            said, remedy = (
+                "the study is too large or nested too deeply",
+                "write long sweeps as {linspace: [a, b, n]}",
+            )
         if said:
             raise _refusal(self.file, said, remedy, mark.line, mark.column, path)
         self.open.append(node)
         value: Scalar | Mapping[str, Node] | tuple[Node, ...] = None
         tag = str(node.tag).replace(TAG, "!!")
         if isinstance(node, SequenceNode) and tag == "!!seq":
-            value = tuple(self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value))
+            value = tuple(
+                self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value)
+            )
         elif isinstance(node, MappingNode) and tag == "!!map":
             value = self.mapping(node, path)
         elif not isinstance(node, ScalarNode) or tag not in TEXTS | NUMBERS:
-            self.errors.unreadable(mark, path, f"the YAML tag {tag} is not supported", "remove the tag")
+            self.errors.unreadable(
+                mark, path, f"the YAML tag {tag} is not supported", "remove the tag"
+            )
         elif tag in TEXTS:
             value = str(node.value)
         elif len(node.value) > LONGEST:
-            said = f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
+            said = (
+                f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
+            )
             self.errors.unreadable(mark, path, said, "round it, or write it with an exponent")
         else:
             try:
                 value = self.library.constructor.construct_object(node)
             except (ValueError, KeyError):
-                self.errors.unreadable(mark, path, f"{node.value[:40]!r} is not a number", "write a decimal number")
+                self.errors.unreadable(
+                    mark, path, f"{node.value[:40]!r} is not a number", "write a decimal number"
+                )
         self.open.pop()
         return Node(value, path, mark, key or mark)
 
@@ -406,17 +492,23 @@ class _Builder:
             if not isinstance(key, ScalarNode):
                 self.errors.at_mark(mark, path, "a key must be one word", "write `key: value`")
             elif str(key.tag) == TAG + "merge":
-                self.errors.at_mark(mark, inner, "merge keys are not supported", "write the keys out")
+                self.errors.at_mark(
+                    mark, inner, "merge keys are not supported", "write the keys out"
+                )
             elif (name := str(key.value)) in children:
                 first = children[name].key_mark.line
                 where = f" (first in line {first})" if first else ""
-                self.errors.at_mark(mark, inner, f"the key is given twice{where}", "keep one of the two")
+                self.errors.at_mark(
+                    mark, inner, f"the key is given twice{where}", "keep one of the two"
+                )
             else:
                 children[name] = self.node(item, inner, mark)
         return children
 
 
-def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, str], errors: Collector) -> Node:
+def apply_overrides(
+    root: Node, overrides: Sequence[str], short: Mapping[str, str], errors: Collector
+) -> Node:
     """The tree with the values of `--set key=value` options put in, one after the other.
     short: short names of keys, such as alpha for heat.alpha. The value null removes a key.
     An option that a later one replaces is a fault: it would be lost without a word."""
@@ -434,7 +526,9 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         given.append((keys, option))
         if lost:
             what = f"--set {lost[-1]} would not be used, as this option replaces it"
-            errors.at_mark(Mark(file, 0, 0), key, what, "give every key once, a section before its keys")
+            errors.at_mark(
+                Mark(file, 0, 0), key, what, "give every key once, a section before its keys"
+            )
             continue
         try:
             before, new = len(errors), compose(text, file, errors, key, option=True)
@@ -443,42 +537,59 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         except StudyError as error:
             errors.problems.extend(error.problems)
         except KeyError as error:
-            errors.at_mark(Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there")
+            errors.at_mark(
+                Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there"
+            )
     return root
 
 
 def whole_key(root: Node, key: str, short: Mapping[str, str] = SHORT) -> str:
-    """The key path of a bare name of the section `parameters`, or of a short name; others as they are."""
+    """The key path of a bare name of the section `parameters`, or of a short name; others as they
+    are."""
     names = root.at("parameters")
     own = names is not None and names.at(key) is not None and key not in rows("")
     return f"parameters.{key}" if own else short.get(key, key)
 
 
 def _of_sweep(root: Node, key: str) -> Keys | None:
-    """The place of sweep.PARAMETER, whose key in the sweep may be a path or a short name; None if it has none yet."""
+    """The place of sweep.PARAMETER, whose key in the sweep may be a path or a short name; None if
+    it has none yet."""
     sweep, rest = root.at("sweep"), key.removeprefix("sweep.")
     if rest == key or sweep is None or not isinstance(sweep.value, Mapping):
         return None
     for own in sorted(sweep.value, key=len, reverse=True):
         if rest == own or (rest.startswith(f"{own}.") and split_path(rest[len(own) + 1 :])):
             return ("sweep", own, *(split_path(rest[len(own) + 1 :]) or ()))
-    same = [own for own in sweep.value if SHORT.get(own, own) == SHORT.get(rest, rest) or own.endswith(f".{rest}")]
+    same = [
+        own
+        for own in sweep.value
+        if SHORT.get(own, own) == SHORT.get(rest, rest) or own.endswith(f".{rest}")
+    ]
     return ("sweep", same[0]) if len(same) == 1 else None
 
 
 def with_sweep(overrides: Sequence[str], mode: str, axes: Sequence[Axis]) -> tuple[str, ...]:
-    """The options with a section `sweep` of these axes, all values or points written out, in place of all that change
-    it; whole laws and materials by their names."""
+    """The options with a section `sweep` of these axes, all values or points written out, in place
+    of all that change it; whole laws and materials by their names."""
     kept = (
-        text for text in overrides if SHORT.get(key := text.partition("=")[0].strip(), key).split(".")[0] != "sweep"
+        text
+        for text in overrides
+        if SHORT.get(key := text.partition("=")[0].strip(), key).split(".")[0] != "sweep"
     )
     named = {".".join(axis.path): (axis.is_whole, axis.labelled()) for axis in axes}
-    written: dict[str, object] = {key: dict(v) if whole else [one for _, one in v] for key, (whole, v) in named.items()}
+    written: dict[str, object] = {
+        key: dict(v) if whole else [one for _, one in v] for key, (whole, v) in named.items()
+    }
     if mode == "list":
-        columns = [[{str(label): v} if whole else v for label, v in values] for whole, values in named.values()]
+        columns = [
+            [{str(label): v} if whole else v for label, v in values]
+            for whole, values in named.values()
+        ]
         written = {
             "mode": "list",
-            "points": [dict(zip(named, point, strict=True)) for point in zip(*columns, strict=True)],
+            "points": [
+                dict(zip(named, point, strict=True)) for point in zip(*columns, strict=True)
+            ],
         }
     return (*kept, f"sweep={json.dumps(written, ensure_ascii=False)}")
 
@@ -491,12 +602,17 @@ def tree_of(study: Study, errors: Collector | None = None) -> Node:
 
 
 def changes(text: str, overrides: Sequence[str], study: Study) -> list[str]:
-    """In which values a study differs from one of that text and options: "friction.delta was 1 mm, is 2 mm"."""
+    """In which values a study differs from one of that text and options: "friction.delta was 1 mm,
+    is 2 mm"."""
     errors = Collector()
     before = leaves(apply_overrides(compose(text, "", errors), overrides, SHORT, errors))
     now = leaves(tree_of(study))
     pairs = {key: (before.get(key, "absent"), now.get(key, "absent")) for key in {**before, **now}}
-    return [f"{key} was {shortened(old)}, is {shortened(new)}" for key, (old, new) in pairs.items() if old != new]
+    return [
+        f"{key} was {shortened(old)}, is {shortened(new)}"
+        for key, (old, new) in pairs.items()
+        if old != new
+    ]
 
 
 def leaves(node: Node) -> dict[str, str]:
@@ -511,7 +627,8 @@ Found = tuple[Keys, str, str]
 
 
 def located(study: Study, faults: Sequence[Found]) -> list[Problem]:
-    """The faults with file, line and column of their keys, or of the deepest key on the way that the study has."""
+    """The faults with file, line and column of their keys, or of the deepest key on the way that
+    the study has."""
     if not faults:
         return []
     errors = Collector()

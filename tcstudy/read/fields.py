@@ -1,14 +1,16 @@
-"""Typed reading of marked nodes: numbers, quantities, expressions, points, words; and of sections whose keys stand in
-the table, of which what is unknown or missing is recorded.
+"""Typed reading of marked nodes: numbers, quantities, expressions, points, words; and of sections
+whose keys stand in the table, of which what is unknown or missing is recorded.
 
-A reader returns the value, or after recording a fault a neutral stand-in (NaN, the first choice, an empty tuple), so
-that one pass finds all faults. Comparisons with NaN are false, which keeps a fault from causing further ones; the
-reader of a section asks `Context.sound` where it cannot go on, and has no value after a fault.
+A reader returns the value, or after recording a fault a neutral stand-in (NaN, the first choice, an
+empty tuple), so that one pass finds all faults. Comparisons with NaN are false, which keeps a fault
+from causing further ones; the reader of a section asks `Context.sound` where it cannot go on, and
+has no value after a fault.
 
-The section `parameters` has numbers of the study's own, by name, and expressions between them. Wherever a study takes a
-number or a field, an expression may use these names: `width: "2*height"`. Their units are carried through it; a plain
-number has none, and x and y are numbers of metres, whose products are not followed. A sweep may vary a name: every
-section that uses it, directly or by another name, is then read again for each of its values.
+The section `parameters` has numbers of the study's own, by name, and expressions between them.
+Wherever a study takes a number or a field, an expression may use these names: `width: "2*height"`.
+Their units are carried through it; a plain number has none, and x and y are numbers of metres,
+whose products are not followed. A sweep may vary a name: every section that uses it, directly or by
+another name, is then read again for each of its values.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ def is_name(text: str) -> bool:
 
 
 def elsewhere(key: str, path: str) -> str:
-    """Where a key belongs that the section at a path does not have: another section of the study, or its top."""
+    """Where a key belongs that the section at a path does not have: another section of the study,
+    or its top."""
     if "." in path or "[" in path:
         return ""
     homes = [name for name in rows("") if name != path and key in rows(name)]
@@ -71,7 +74,9 @@ class Unsound(Exception):
     """What comes next in a section needs what had a fault, which is recorded."""
 
 
-def none_after_fault(reader: Callable[Concatenate[Context, P], V]) -> Callable[Concatenate[Context, P], V | None]:
+def none_after_fault(
+    reader: Callable[Concatenate[Context, P], V],
+) -> Callable[Concatenate[Context, P], V | None]:
     """The reader of a section, with None in place of its value where it recorded a fault."""
 
     @wraps(reader)
@@ -96,7 +101,8 @@ LISTS = {
     "law points": ("law point", "a list of pairs [s, b]", 1),
     "numbers": ("quantity", "a list of numbers", 1),
 }
-"""Kinds that are lists: of which kind, of what in words, at least how many, unless the row says so."""
+"""Kinds that are lists: of which kind, of what in words, at least how many, unless the row says
+so."""
 SOME = {
     "one or more": ("choice", "a list of words", 1),
     "words": ("text", "a list of names", 1),
@@ -117,8 +123,12 @@ UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}
 
 
 def out_of_bounds(row: Key, value: float) -> str:
-    """What a number of a row must that is out of its bounds, in words; empty for one within them, and for NaN."""
-    low, high = row.above is not None and value <= row.above, row.below is not None and value >= row.below
+    """What a number of a row must that is out of its bounds, in words; empty for one within them,
+    and for NaN."""
+    low, high = (
+        row.above is not None and value <= row.above,
+        row.below is not None and value >= row.below,
+    )
     if (low or high) and row.above and row.below:
         return f"lie between {row.above:g} and {row.below:g}"
     if low or high:
@@ -130,7 +140,8 @@ def out_of_bounds(row: Key, value: float) -> str:
 
 @dataclass
 class Context:
-    """What every reader needs: where faults go, whether texts may have units, the study's folder, its named numbers.
+    """What every reader needs: where faults go, whether texts may have units, the study's folder,
+    its named numbers.
 
     before: how often faults were met before the section that is read
     """
@@ -163,25 +174,34 @@ class Context:
         write = f"write for example {self.example(dimension.example)}"
         write += " or an expression such as 2*sin(pi*x)" if varies else ""
         try:
-            value = self._of_text(node, node.value, dimension, write) if isinstance(node.value, str) else node.value
+            value = (
+                self._of_text(node, node.value, dimension, write)
+                if isinstance(node.value, str)
+                else node.value
+            )
             if isinstance(value, expressions.Expression):
                 if varies:
                     return value
                 raise UnitError("may not vary with x and y", write)
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise UnitError(f"must be {dimension.name}, but is {node.kind()}", write)
-            if not abs(value) <= sys.float_info.max:  # before the conversion, which whole numbers can be too large for
+            if (
+                not abs(value) <= sys.float_info.max
+            ):  # before the conversion, which whole numbers can be too large for
                 raise UnitError(f"{node.brief()} is not a finite number", "write a finite number")
             if value and not SMALLEST <= abs(value) <= LARGEST:
                 size = "large" if abs(value) > 1.0 else "small"
-                raise UnitError(f"{node.brief()} is too {size} to compute with", "check the number and its unit")
+                raise UnitError(
+                    f"{node.brief()} is too {size} to compute with", "check the number and its unit"
+                )
             return float(value)
         except UnitError as error:
             self.at(node, *error.args)
             return math.nan
 
     def _of_text(self, node: Node, text: str, dimension: Dimension, write: str) -> Scalar:
-        """The value of a text: number and unit, or an expression. Raises UnitError; write: a remedy."""
+        """The value of a text: number and unit, or an expression. Raises UnitError; write: a
+        remedy."""
         if len(text) > LONGEST:
             what = f"is a text of {len(text)} characters, of which at most {LONGEST} are read"
             raise UnitError(what, "round it, or shorten the expression")
@@ -197,7 +217,9 @@ class Context:
             expression = expression_of(text, self.named, dimension if self.units == "SI" else None)
         except expressions.ExpressionError as error:
             what, _, remedy = str(error).partition("; ")
-            if " or an expression" not in write and not self.named:  # with names it was meant as an expression
+            if (
+                " or an expression" not in write and not self.named
+            ):  # with names it was meant as an expression
                 what, remedy = f"{node.brief()!r} is not {dimension.name}", ""
             raise UnitError(what, remedy or write) from None
         return expression if expression.constant is None else expression.constant
@@ -209,7 +231,8 @@ class Context:
         return value
 
     def unit(self, cell: Node, unit: str, dimension: Dimension, key: str | None = None) -> bool:
-        """Whether a unit in the heading of a column is one of the dimension; if not, that is a fault."""
+        """Whether a unit in the heading of a column is one of the dimension; if not, that is a
+        fault."""
         try:
             if self.units == "none":
                 raise UnitError("has a unit, but the study says units: none", "drop the unit")
@@ -219,27 +242,40 @@ class Context:
             return False
         return True
 
-    def items(self, node: Node | None, content: str, least: int = 0, example: str = "...") -> tuple[Node, ...]:
+    def items(
+        self, node: Node | None, content: str, least: int = 0, example: str = "..."
+    ) -> tuple[Node, ...]:
         """The entries of a list; empty after a fault."""
         if node is None:
             return ()
         if isinstance(node.value, tuple) and len(node.value) >= least:
             return node.value
-        self.at(node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]")
+        self.at(
+            node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]"
+        )
         return ()
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
         """The two entries of a list of two; None after a fault."""
         if isinstance(node.value, tuple) and len(node.value) == 2:
             return node.value[0], node.value[1]
-        more = " (decimals have a point, a comma separates entries)" if len(node.entries) in (3, 4) else ""
-        self.at(node, f"must be {content}, but is {node.kind()}", f"write for example {self.example(example)}{more}")
+        more = (
+            " (decimals have a point, a comma separates entries)"
+            if len(node.entries) in (3, 4)
+            else ""
+        )
+        self.at(
+            node,
+            f"must be {content}, but is {node.kind()}",
+            f"write for example {self.example(example)}{more}",
+        )
         return None
 
     def mapping(
         self, node: Node | None, content: str, remedy: str, least: int = 1, named: bool = False
     ) -> dict[str, Node]:
-        """The entries of a mapping of `content`; empty after a fault, or without one. named: by names"""
+        """The entries of a mapping of `content`; empty after a fault, or without one. named: by
+        names"""
         if node is None:
             return {}
         if not isinstance(node.value, Mapping) or len(node.value) < least:
@@ -251,7 +287,11 @@ class Context:
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
         """A whole number within limits; the lower limit after a fault."""
-        value = int(node.value) if isinstance(node.value, float) and node.value.is_integer() else node.value
+        value = (
+            int(node.value)
+            if isinstance(node.value, float) and node.value.is_integer()
+            else node.value
+        )
         if isinstance(value, bool) or not isinstance(value, int):
             said = f"must be a whole number, but is {node.kind()}"
         elif least <= value <= (most or MOST):
@@ -265,7 +305,11 @@ class Context:
         """A text that is not empty; empty after a fault."""
         if isinstance(node.value, str) and node.value.strip():
             return node.value
-        self.at(node, f"must be {content}, but is {node.kind()}", "write a text, in quotes if it looks like a number")
+        self.at(
+            node,
+            f"must be {content}, but is {node.kind()}",
+            "write a text, in quotes if it looks like a number",
+        )
         return ""
 
     def choice(self, node: Node, words: tuple[T, ...]) -> T:
@@ -285,7 +329,9 @@ class Context:
         dimension, kind = dimension or row.dimension, row.kind
         if kind in PAIRS:
             inner, content, example = PAIRS[kind]
-            of = {"point": (LENGTH, LENGTH), "law point": (LENGTH, TRACTION)}.get(kind, (dimension, dimension))
+            of = {"point": (LENGTH, LENGTH), "law point": (LENGTH, TRACTION)}.get(
+                kind, (dimension, dimension)
+            )
             example = example or (kind == "span" and row.example) or f"[0, {dimension.example}]"
             both = self.pair(node, content, example)
             one = replace(row, kind=inner)
@@ -294,7 +340,9 @@ class Context:
             inner, content, least = (LISTS | SOME)[kind]
             several = kind in LISTS or isinstance(node.value, tuple)
             entries = self.items(node, content, int(row.least or least)) if several else (node,)
-            return tuple(self.value(entry, replace(row, kind=inner), dimension) for entry in entries)
+            return tuple(
+                self.value(entry, replace(row, kind=inner), dimension) for entry in entries
+            )
         match kind:
             case "quantity":
                 return self.quantity(node, dimension)
@@ -306,7 +354,9 @@ class Context:
                     return math.nan
                 return value
             case "integer":
-                return self.integer(node, int(row.least or 0), None if row.most is None else int(row.most))
+                return self.integer(
+                    node, int(row.least or 0), None if row.most is None else int(row.most)
+                )
             case "component" if node.value == "free":
                 return None
             case "field" | "component":
@@ -317,7 +367,11 @@ class Context:
                 return self.choice(node, row.words)
             case "flag":
                 if not isinstance(node.value, bool):
-                    self.at(node, f"must be true or false, but is {node.kind()}", "write true or false, without quotes")
+                    self.at(
+                        node,
+                        f"must be true or false, but is {node.kind()}",
+                        "write true or false, without quotes",
+                    )
                 return node.value is True
             case "name":
                 if isinstance(node.value, str) and is_name(node.value):
@@ -331,7 +385,8 @@ class Context:
 
 
 class Fields:
-    """The values of a section whose keys stand in the table; unknown and missing keys are recorded on the way in."""
+    """The values of a section whose keys stand in the table; unknown and missing keys are recorded
+    on the way in."""
 
     def __init__(
         self,
@@ -342,41 +397,73 @@ class Fields:
         optional: Iterable[str] | None = None,
     ) -> None:
         """section: its name in the table, or its rows.  required, optional: keys, where they depend on others."""
-        self.ctx, self.node, self.rows = ctx, node, rows(section) if isinstance(section, str) else section
-        self.required = [one.name for one in self.rows.values() if one.required] if required is None else list(required)
-        others = (name for name in self.rows if name not in self.required) if optional is None else optional
+        self.ctx, self.node, self.rows = (
+            ctx,
+            node,
+            rows(section) if isinstance(section, str) else section,
+        )
+        self.required = (
+            [one.name for one in self.rows.values() if one.required]
+            if required is None
+            else list(required)
+        )
+        others = (
+            (name for name in self.rows if name not in self.required)
+            if optional is None
+            else optional
+        )
         known = [*self.required, *others]
-        if isinstance(section, str) and (short := short_of(section)) and not isinstance(node.value, Mapping):
+        if (
+            isinstance(section, str)
+            and (short := short_of(section))
+            and not isinstance(node.value, Mapping)
+        ):
             node = replace(node, value={short: node})
         self.values: Mapping[str, Node] = node.children
         if not isinstance(node.value, Mapping):
             top = rows("").get(section) if isinstance(section, str) else None
-            pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in self.required or known[:1])
+            pairs = ", ".join(
+                f"{key}: {self.rows[key].suggestion}" for key in self.required or known[:1]
+            )
             example = ctx.example(top.example if top and top.example else f"{{{pairs}}}")
             remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
             ctx.at(node, f"must be a mapping, but is {node.kind()}", remedy)
             return
         free = [name for name in known if name not in node.value]
-        near = {key: nearest(key, free) or nearest(key, known) for key in node.value if key not in known}
+        near = {
+            key: nearest(key, free) or nearest(key, known) for key in node.value if key not in known
+        }
         for key, like in near.items():
-            remedy = f"did you mean {like!r}?" if like else f"use one of the keys {', '.join(free or known)}"
+            remedy = (
+                f"did you mean {like!r}?"
+                if like
+                else f"use one of the keys {', '.join(free or known)}"
+            )
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
             elif not like:
                 remedy = elsewhere(key, node.path) or remedy
             ctx.at(node.value[key], "unknown key", remedy, on_key=True)
         for key in self.required:
-            if key not in node.value and key not in near.values():  # a misspelt key is one fault, not two
+            if (
+                key not in node.value and key not in near.values()
+            ):  # a misspelt key is one fault, not two
                 self.missing(key)
 
     def fault(self, key: str, *said: str, on_key: bool = False) -> None:
-        """Record a fault, "what; remedy", at a key, or at the section where the key is not given."""
+        """Record a fault, "what; remedy", at a key, or at the section where the key is not
+        given."""
         self.ctx.at(self.values.get(key, self.node), *said, on_key=on_key and key in self.values)
 
     def missing(self, key: str) -> None:
         """Record that a key is missing."""
         where = f"{self.node.path}.{key}" if self.node.path else key
-        self.ctx.at(self.node, "is missing", f"add {key}: {self.ctx.example(self.rows[key].suggestion)}", key=where)
+        self.ctx.at(
+            self.node,
+            "is missing",
+            f"add {key}: {self.ctx.example(self.rows[key].suggestion)}",
+            key=where,
+        )
 
     def __getitem__(self, key: str) -> Node | None:
         return self.values.get(key)
@@ -393,14 +480,20 @@ class Fields:
 
     def given(self, names: Iterable[str] | None = None) -> dict[str, Any]:
         """The values of the keys that are given; of all keys, or of those named."""
-        return {name: self.value(name) for name in (self.rows if names is None else names) if self[name] is not None}
+        return {
+            name: self.value(name)
+            for name in (self.rows if names is None else names)
+            if self[name] is not None
+        }
 
 
 def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str, Node]:
     """The one key of a section that has no more, and its value; no key after a fault."""
     before, given = len(ctx.errors), Fields(ctx, node, section).values
     if len(given) != 1 and len(ctx.errors) == before:
-        ctx.at(node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}")
+        ctx.at(
+            node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}"
+        )
     return next(iter(given.items())) if len(ctx.errors) == before else ("", node)
 
 
@@ -425,7 +518,10 @@ def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
         if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
             taken = f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
             ctx.at(item, taken, "use letters, digits and _", on_key=True)
-    inner, made_of = replace(ctx, named={}), {name: words_in(item, given) for name, item in given.items()}
+    inner, made_of = (
+        replace(ctx, named={}),
+        {name: words_in(item, given) for name, item in given.items()},
+    )
     try:
         for name in TopologicalSorter(made_of).static_order():
             before = len(ctx.errors)
@@ -449,8 +545,12 @@ def _number(ctx: Context, node: Node) -> Named:
             ctx.at(node, f"{parts[1]!r} is not a unit of any number of a study", remedy)
             return Named(math.nan, NONE)
         dimension = found
-    elif isinstance(node.value, str) and ctx.units == "SI" and ctx.named:  # plain for one that a study has not
-        with suppress(expressions.ExpressionError, UnitError):  # which whoever reads the number says
+    elif (
+        isinstance(node.value, str) and ctx.units == "SI" and ctx.named
+    ):  # plain for one that a study has not
+        with suppress(
+            expressions.ExpressionError, UnitError
+        ):  # which whoever reads the number says
             found = units_of(parse(node.value, tuple(ctx.named)), ctx.named)
             dimension = next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)
     return Named(ctx.quantity(node, dimension), dimension)
@@ -474,7 +574,9 @@ def words_in(node: Node, names: Iterable[str]) -> frozenset[str]:
 def _words(node: Node) -> frozenset[str]:
     if isinstance(node.value, str):
         return frozenset(WORD.findall(node.value))
-    return frozenset().union(*map(_words, node.value if isinstance(node.value, tuple) else node.children.values()))
+    return frozenset().union(
+        *map(_words, node.value if isinstance(node.value, tuple) else node.children.values())
+    )
 
 
 def users(root: Node, name: str) -> set[str]:

@@ -1,10 +1,12 @@
-"""Reads what changes of a scene: the sections `path` and `history`, the numbers of `output.sensitivity`.
+"""Reads what changes of a scene: the sections `path` and `history`, the numbers of
+`output.sensitivity`.
 
-Laws that a memory cannot be made of, lines that change nothing, and loads in which the condensed load is not affine are
-faults here, so that no history begins that cannot be computed. Numbers by which results are differentiated exactly are
-those for which that takes no other factorisation (`offline.slopes`): numbers in which the load is affine, of materials
-E, nu, alpha_T or beta and k, α, stiffness of springs, and the numbers of friction laws. Everything else is refused with
-its reason, as is what theory or code does not have for a feature of the scenes (`check_together`).
+Laws that a memory cannot be made of, lines that change nothing, and loads in which the condensed
+load is not affine are faults here, so that no history begins that cannot be computed. Numbers by
+which results are differentiated exactly are those for which that takes no other factorisation
+(`offline.slopes`): numbers in which the load is affine, of materials E, nu, alpha_T or beta and k,
+α, stiffness of springs, and the numbers of friction laws. Everything else is refused with its
+reason, as is what theory or code does not have for a feature of the scenes (`check_together`).
 """
 
 from __future__ import annotations
@@ -48,14 +50,18 @@ from tcstudy.scene.study import (
 )
 
 NOT_AFFINE = "the load of this study is not affine in it"
-NO_DERIVATIVE, NOT_ALONE = "there is no derivative by", "of this study it is no single number that acts"
+NO_DERIVATIVE, NOT_ALONE = (
+    "there is no derivative by",
+    "of this study it is no single number that acts",
+)
 OF_PATH = ("parameter", "from", "to", "within", "at", "level")
 """Keys that depend on each other; every other one of `path` is a field of the plan."""
 
 
 @none_after_fault
 def read_path(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> PathPlan | None:
-    """The path of the scene without the sweep; None after a fault. mesh: None if it has faults of its own"""
+    """The path of the scene without the sweep; None after a fault. mesh: None if it has faults of
+    its own"""
     fields, scene = Fields(ctx, reader.root.nearest("path"), "path"), reader.base
     ctx.sound()
     word = fields.value("parameter")
@@ -70,20 +76,31 @@ def read_path(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> PathP
         fields.fault("to", "is the same value as from; give a range, from: A, to: B")
         return None
     low, high = min(begin, end), max(begin, end)
-    within = low - (high - low), high + (high - low)  # as far again on both sides: folds may lie outside the range
+    within = (
+        low - (high - low),
+        high + (high - low),
+    )  # as far again on both sides: folds may lie outside the range
     if fields["within"]:
         within = fields.value("within", dimension)
         if within[0] > low or within[1] < high:
-            fields.fault("within", "does not contain the range from … to; widen it, or leave it out")
+            fields.fault(
+                "within", "does not contain the range from … to; widen it, or leave it out"
+            )
     at = fields.value("at", dimension) or ()
-    for i, (item, value) in enumerate(zip(fields["at"].entries if fields["at"] else (), at, strict=False)):
+    for i, (item, value) in enumerate(
+        zip(fields["at"].entries if fields["at"] else (), at, strict=False)
+    ):
         if not math.isnan(value) and not within[0] <= value <= within[1]:
-            remedy = f"choose a value from {within[0]:g} to {within[1]:g}, or widen from, to or within"
+            remedy = (
+                f"choose a value from {within[0]:g} to {within[1]:g}, or widen from, to or within"
+            )
             ctx.at(item, f"{item.brief()} is outside the range of the path", remedy)
         if value in at[:i]:
             ctx.at(item, f"the value {item.brief()} is repeated", "give every value once")
     given = fields.given(name for name in fields.rows if name not in OF_PATH)
-    level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
+    level = (
+        {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")
+    )  # a run needs no path
     ctx.sound()
     for key, t in (("from", begin), ("to", end)) if keys[0] == "boundary" else ():
         fault = next(corner_faults(scene.body, path_scene(scene, keys, t).boundary), None)
@@ -104,7 +121,10 @@ def named_number(
     more: other words that may have been meant
     """
     path = ("parameters", word) if ("parameters", word) in known else path_of(word)
-    one, names = known.get(path), [".".join(keys) for keys, other in known.items() if not other.no_number]
+    one, names = (
+        known.get(path),
+        [".".join(keys) for keys, other in known.items() if not other.no_number],
+    )
     if one is not None and not one.no_number:
         return path
     remedy = f"name one of {', '.join((*names, *more))}"
@@ -127,7 +147,9 @@ def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> 
     """The key `level` of what is done on one mesh, if it is given; what: "a path"."""
     if mesh and mesh.strategy.adapts:
         remedy = f"use family: uniform or graded for {what}, for example --set mesh.family=graded"
-        ctx.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
+        ctx.at(
+            fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True
+        )
     elif node := fields["level"]:
         return {"level": ctx.integer(node, 0, mesh.levels - 1 if mesh else None)}
     return {}
@@ -158,13 +180,18 @@ def read_history(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> Hi
         what, _, remedy = str(error).rpartition("; ")
         fields.fault("memory", what, remedy)
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
-    parameters = tuple((keys, ctx.cf(known[keys].row.dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
+    parameters = tuple(
+        (keys, ctx.cf(known[keys].row.dimension), float(known[keys].value))  # type: ignore[arg-type]
+        for keys in used
+    )
     options = fields.given(("repeat", "branch")) | level_of(ctx, fields, mesh, "a history")
     plan = HistoryPlan(memory, lines, parameters, **options)
     if plan.steps > MOST_STEPS:
         remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
         fields.fault("steps", f"the history has {plan.steps} steps", remedy, on_key=True)
-    return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary")))
+    return replace(
+        plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary"))
+    )
 
 
 def _memory(ctx: Context, fields: Fields, base: Scene) -> Memory:
@@ -178,7 +205,11 @@ def _memory(ctx: Context, fields: Fields, base: Scene) -> Memory:
     ctx.sound()
     for edge in own:
         if edge not in given:
-            fields.fault("memory", f"says nothing of {edge}, which is in contact, too", f"add {edge}: friction")
+            fields.fault(
+                "memory",
+                f"says nothing of {edge}, which is in contact, too",
+                f"add {edge}: friction",
+            )
     ctx.sound()
     edges = tuple((edge, given[edge]) for edge in own)
     return Memory(edges[0][1], stiffness, edges if len(set(given.values())) > 1 else ())
@@ -190,17 +221,31 @@ def _lines(
     """The lines in order; one that leaves all loads as they are is a fault."""
     now: dict[Keys, Any] = {keys: one.value for keys, one in known.items()}
     own, found, changed, told = rows("step"), [], set[Keys](), False
-    for item in ctx.items(fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1):
+    for item in ctx.items(
+        fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1
+    ):
         if not isinstance(item.value, Mapping):
-            ctx.at(item, f"must be a mapping, but is {item.kind()}", "write {theta: 60 K, in: 8, name: hot}")
+            ctx.at(
+                item,
+                f"must be a mapping, but is {item.kind()}",
+                "write {theta: 60 K, in: 8, name: hot}",
+            )
             continue
         before = len(ctx.errors)
-        given = {word: ctx.value(node, own[word]) for word, node in item.value.items() if word in own}
+        given = {
+            word: ctx.value(node, own[word]) for word, node in item.value.items() if word in own
+        }
         loads = {word: node for word, node in item.value.items() if word not in own}
         named = {word: _load(ctx, word, node, known, swept) for word, node in loads.items()}
-        values = {k: ctx.quantity(loads[word], known[k].row.dimension) for word, k in named.items() if k is not None}
+        values = {
+            k: ctx.quantity(loads[word], known[k].row.dimension)
+            for word, k in named.items()
+            if k is not None
+        }
         if len(ctx.errors) == before and not values:
-            ctx.at(item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}")
+            ctx.at(
+                item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}"
+            )
         if len(ctx.errors) > before:
             told = True  # what the loads are is no longer known
             continue
@@ -210,7 +255,9 @@ def _lines(
         now |= values
         changed |= values.keys()
         words = ", ".join(f"{word} {node.brief()}" for word, node in loads.items())
-        found.append(HistoryLine(tuple(values.items()), given.get("in", 1), given.get("name", words)))
+        found.append(
+            HistoryLine(tuple(values.items()), given.get("in", 1), given.get("name", words))
+        )
     if ("load",) in changed and (
         other := next((keys for keys in now if keys in changed and keys[-1] in FACTORED), None)
     ):
@@ -219,11 +266,17 @@ def _lines(
     return tuple(found)
 
 
-def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> Keys | None:
+def _load(
+    ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]
+) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
-    keys = named_number(ctx, node, word, known, "no history changes", NOT_AFFINE, rows("step"), on_key=True)
+    keys = named_number(
+        ctx, node, word, known, "no history changes", NOT_AFFINE, rows("step"), on_key=True
+    )
     if keys in swept:
-        ctx.at(node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True)
+        ctx.at(
+            node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True
+        )
     return keys
 
 
@@ -236,13 +289,19 @@ def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan)
     if not steps:
         remedy = 'add {step: "step"}, the number of the step at every line, 0 for the study as it is written'
         fields.fault("data", "a fit of a history needs a column step", remedy)
-    elif wrong := [value for value in steps if value != int(value) or not 0 <= value <= history.steps]:
+    elif wrong := [
+        value for value in steps if value != int(value) or not 0 <= value <= history.steps
+    ]:
         remedy = f"steps are 0 for the study as it is written, then 1 to {history.steps}"
         fields.fault("data", f"the history has no step {wrong[0]:g}", remedy)
-    check_numbers(ctx, fields.values["parameters"], [one.number for one in plan.parameters], history)
+    check_numbers(
+        ctx, fields.values["parameters"], [one.number for one in plan.parameters], history
+    )
 
 
-def check_numbers(ctx: Context, node: Node, numbers: Iterable[Sensitivity], history: HistoryPlan) -> None:
+def check_numbers(
+    ctx: Context, node: Node, numbers: Iterable[Sensitivity], history: HistoryPlan
+) -> None:
     """Numbers to differentiate by must not be loads that the history changes."""
     changed = {keys for keys, *_ in history.parameters}
     for number in numbers:
@@ -255,7 +314,8 @@ def check_numbers(ctx: Context, node: Node, numbers: Iterable[Sensitivity], hist
 def read_sensitivity(
     ctx: Context, node: Node, reader: SceneReader, exact: Exact | None, history: HistoryPlan | None
 ) -> tuple[Sensitivity, ...]:
-    """The numbers by name or key path, each once. exact: the solution, whose derived loads would have to follow"""
+    """The numbers by name or key path, each once. exact: the solution, whose derived loads would
+    have to follow"""
     root, base, scenes = reader.root, reader.base, reader.scenes
     if base is None:
         return ()
@@ -271,7 +331,9 @@ def read_sensitivity(
             ctx.at(item, f"{word} is given twice", "give every number once")
         elif word and (named := named_number(ctx, item, word, known, NO_DERIVATIVE, NOT_ALONE)):
             found[path] = Sensitivity(word, named, ctx.cf(known[named].row.dimension))
-            if path[0] == "boundary" and path[-1].startswith("u_"):  # which a corner may share with another edge
+            if path[0] == "boundary" and path[-1].startswith(
+                "u_"
+            ):  # which a corner may share with another edge
                 moved = path_scene(base, path, 1.0 + 2.0 * abs(float(known[path].value)))  # type: ignore[arg-type]
                 if fault := next(corner_faults(base.body, moved.boundary), None):
                     remedy = "free a component of one of the two edges"
@@ -282,10 +344,12 @@ def read_sensitivity(
 
 
 def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Keys, Number]:
-    """The numbers by which results can be differentiated, and those that have a reason why not; of materials those
-    that the study gives, of laws those of all scenes."""
+    """The numbers by which results can be differentiated, and those that have a reason why not; of
+    materials those that the study gives, of laws those of all scenes."""
     found = {path: one for path, one in numbers(base) if path[0] != "friction"}
-    found = {path: one for path, one in found.items() if path[0][:8] != "material" or root.at(*path)}
+    found = {
+        path: one for path, one in found.items() if path[0][:8] != "material" or root.at(*path)
+    }
     for scene in distinct(scenes, "friction"):
         found |= {path: one for path, one in numbers(scene) if path[0] == "friction"}
     if root.at("history", "stiffness"):
@@ -297,7 +361,8 @@ def check_together(
     ctx: Context, reader: SceneReader, mesh: MeshPlan | None, solver: SolverPlan | None, output: OutputPlan | None,
     exact: Exact | None
 ) -> None:  # fmt: skip
-    """Report what a feature of the scenes, a path, a history or a fit excludes and the study asks for.
+    """Report what a feature of the scenes, a path, a history or a fit excludes and the study asks
+    for.
 
     mesh … exact: what it asks for beside its scenes; None for what it does not, or has faults in
     """
@@ -305,36 +370,71 @@ def check_together(
     roles = dict(scenes[0].boundary).values() if scenes else ()
     laws = any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction"))
     springs = any(scene.springs for scene in distinct(scenes, "boundary"))
-    own, no_edge = any(role.heat is not None for role in roles), "an exact solution has no such edge; remove exact"
+    own, no_edge = (
+        any(role.heat is not None for role in roles),
+        "an exact solution has no such edge; remove exact",
+    )
     one = "an exact solution takes one material; remove exact, or write one material"
     derived = "loads are derived for the section heat only; give the loads, or loads: given"
-    for has, feature, page, why in (  # what a live page takes in its place, why an exact solution has it not
+    for (
+        has,
+        feature,
+        page,
+        why,
+    ) in (  # what a live page takes in its place, why an exact solution has it not
         (laws, "friction differs along the contact line", "one law", ""),
-        (root.at("materials"), "materials differ by region, where stresses jump", "one material", one),
+        (
+            root.at("materials"),
+            "materials differ by region, where stresses jump",
+            "one material",
+            one,
+        ),
         (any(isinstance(role, Rigid) for role in roles), "an edge is rigid", "none", no_edge),
         (springs, "an edge rests on springs", "none", no_edge),
-        (own, "an edge has heat of its own", "one alpha and one theta_bar", derived if exact and exact.derived else ""),
+        (
+            own,
+            "an edge has heat of its own",
+            "one alpha and one theta_bar",
+            derived if exact and exact.derived else "",
+        ),
     ):
         if has and output and output.live:
-            ctx.at(root.nearest("output"), f"{feature}, and a live page takes {page}; remove live: true")
+            ctx.at(
+                root.nearest("output"),
+                f"{feature}, and a live page takes {page}; remove live: true",
+            )
         if has and exact and why:
             ctx.at(root.nearest("exact"), f"{feature}, and {why}")
     kept, branch = "is not kept of a history; remove it", root.at("solver", "branch")
     errors = "errors are not estimated in a history; remove estimate and tolerance, and compare meshes of your own"
     asked: tuple[tuple[object, tuple[str, ...], str], ...] = (
-        (exact, ("exact",), "an exact solution is of one scene without a past, not of a history; remove one of them"),
+        (
+            exact,
+            ("exact",),
+            "an exact solution is of one scene without a past, not of a history; remove one of them",
+        ),
         (mesh and mesh.estimates and not mesh.strategy.adapts, ("mesh",), errors),
         (output and output.fields, ("output", "fields"), kept),
         (output and output.live, ("output", "live"), kept),
-        (solver and not solver.in_blocks, ("solver", "name"), f"a history is solved by {SEPARABLE}; name no other"),
-        (branch, ("solver", "branch"), "is of single points; write history.branch: continued or lowest"),
+        (
+            solver and not solver.in_blocks,
+            ("solver", "name"),
+            f"a history is solved by {SEPARABLE}; name no other",
+        ),
+        (
+            branch,
+            ("solver", "branch"),
+            "is of single points; write history.branch: continued or lowest",
+        ),
     )
     for asks, keys, said in asked if root.at("history") else ():
         if asks:
             ctx.at(root.nearest(*keys), said, on_key=True)
     for key in (key for key in ("path", "history", "fit") if root.at(key)):
         if mesh and mesh.guarantee:
-            ctx.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")
+            ctx.at(
+                root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it"
+            )
         if solver and solver.every and key != "history":
             remedy = "write path.complete: true" if key == "path" else "remove it"
             ctx.at(root.nearest("solver", "branch"), f"is of single points, not of a {key}", remedy)

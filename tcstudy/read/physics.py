@@ -1,7 +1,9 @@
-"""Reads the sections that make up a scene beside its body: boundary, material, loads, friction, heat.
+"""Reads the sections that make up a scene beside its body: boundary, material, loads, friction,
+heat.
 
-Heat is a known temperature, or conduction with a source in ω and what edges do to it: exchange on Γ_θ (eqs. 2, 5), a
-flux, a temperature that is held. An edge that exchanges heat leaves to the section what it does not say by itself.
+Heat is a known temperature, or conduction with a source in ω and what edges do to it: exchange on
+Γ_θ (eqs. 2, 5), a flux, a temperature that is held. An edge that exchanges heat leaves to the
+section what it does not say by itself.
 """
 
 from __future__ import annotations
@@ -53,13 +55,18 @@ MOST_PLACES = 400
 @none_after_fault
 def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Boundary:
     """The roles of all edges in the order of the study; None after a fault.
-    names: the edges of the body, each of which has a role, as every role has an edge; None if they are not known"""
+    names: the edges of the body, each of which has a role, as every role has an edge; None if they
+    are not known"""
     remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
     given = ctx.mapping(node, "edges to roles", remedy, least=0)
     roles = {edge: _role(ctx, item) for edge, item in given.items()}
     if names is not None and isinstance(node.value, Mapping):
         without = [name for name in names if name not in given]
-        guessed = {edge: nearest(edge, without) or nearest(edge, names) for edge in given if edge not in names}
+        guessed = {
+            edge: nearest(edge, without) or nearest(edge, names)
+            for edge in given
+            if edge not in names
+        }
         for edge, near in guessed.items():
             remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
             ctx.at(given[edge], f"the body has no edge {edge!r}", remedy, on_key=True)
@@ -89,7 +96,9 @@ def _role(ctx: Context, node: Node) -> Role:
     fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
     for key in foreign:
         fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
-    own = {"heat": read_edge_heat(ctx, fields, kind)} | fields.given({"g", "pressure", "force", "moment"} - {*foreign})
+    own = {"heat": read_edge_heat(ctx, fields, kind)} | fields.given(
+        {"g", "pressure", "force", "moment"} - {*foreign}
+    )
     if any(isinstance(one, Expression) for one in own.get("force", ())):
         said = "a resultant is one number in x and one in y; give g for a traction that varies along the edge"
         fields.fault("force", said)
@@ -97,9 +106,13 @@ def _role(ctx: Context, node: Node) -> Role:
     if kind in MOVED:
         own |= _displacement(ctx, node, fields, kind)
     if kind == "rigid":
-        _check_rigid(fields, own.get("u", (None, None)), own.get("force", (0.0, 0.0)), own.get("moment"))
+        _check_rigid(
+            fields, own.get("u", (None, None)), own.get("force", (0.0, 0.0)), own.get("moment")
+        )
     if kind == "traction" and not any(fields[key] for key in ("g", "pressure", "force", "spring")):
-        remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
+        remedy = (
+            "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
+        )
         ctx.at(node, "a traction edge needs g or pressure", remedy)
     if kind in LOADED and (support := fields["spring"]) is not None:
         spring = Fields(ctx, support, "spring")
@@ -112,12 +125,17 @@ def _role(ctx: Context, node: Node) -> Role:
 def _home(key: str) -> str:
     if key in HEAT_KEYS:
         return "write alpha, theta_bar and flux beside convection, and heat: {...} beside any other role"
-    return f"{key} belongs to the role {' or '.join(role for role in ROLES if key in of_role(role))}"
+    return (
+        f"{key} belongs to the role {' or '.join(role for role in ROLES if key in of_role(role))}"
+    )
 
 
 def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[str, Any]:
-    """What of u an edge is given, and in which frame; "free" leaves a component free, as one that is left out."""
-    ways = [names for names in WAYS if names[0] in of_role(kind) and any(fields[name] for name in names)]
+    """What of u an edge is given, and in which frame; "free" leaves a component free, as one that
+    is left out."""
+    ways = [
+        names for names in WAYS if names[0] in of_role(kind) and any(fields[name] for name in names)
+    ]
     if len(ways) > 1:
         either = "u: [u_x, u_y], or u_x and u_y" + (", or u_N and u_T" if kind == "clamped" else "")
         ctx.at(node, "the displacement is given in two ways", f"give either {either}")
@@ -129,11 +147,18 @@ def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[s
     return {"u": u, "frame": "nt" if "u_N" in ways[0] else "xy"}
 
 
-def _check_rigid(fields: Fields, u: tuple[Any, Any], force: tuple[float, float], moment: float | None) -> None:
+def _check_rigid(
+    fields: Fields, u: tuple[Any, Any], force: tuple[float, float], moment: float | None
+) -> None:
     if moment is not None and u != (None, None):
-        fields.fault("moment", "an edge that turns moves as its forces and its moment want; leave out u, or the moment")
+        fields.fault(
+            "moment",
+            "an edge that turns moves as its forces and its moment want; leave out u, or the moment",
+        )
     elif any(isinstance(component, Expression) for component in u):
-        fields.ctx.at(fields.node, "a rigid edge moves as a whole, by one number; use the role clamped")
+        fields.ctx.at(
+            fields.node, "a rigid edge moves as a whole, by one number; use the role clamped"
+        )
     elif None not in u:
         what = "both components are given, so nothing is left for the edge to find"
         fields.ctx.at(fields.node, what, "give the edge the role clamped, or leave a component out")
@@ -157,7 +182,11 @@ def read_materials(
         if fault := _unknown_region(name, regions):
             ctx.at(item, *fault)
         elif plane := item.at("plane"):
-            ctx.at(plane, "the whole body is in plane strain or in plane stress", "give it under material")
+            ctx.at(
+                plane,
+                "the whole body is in plane strain or in plane stress",
+                "give it under material",
+            )
         elif one := _material(ctx, item, material.plane):
             found.append((name, one))
     return replace(material, regions=tuple(found))
@@ -171,7 +200,9 @@ def _unknown_region(name: str, regions: tuple[str, ...] | None) -> tuple[str, st
 
 
 @none_after_fault
-def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None) -> Material:
+def _material(
+    ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None
+) -> Material:
     """The material of the plane problem; None after a fault.
     plane: the assumption for the whole body, where that is read already"""
     pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.at(key) for key in pair)]
@@ -189,7 +220,10 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
         E, nu = mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
     if fields["alpha_T"] and fields["beta"]:
         ctx.at(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
-    plane, alpha_T, beta, k = plane or fields.value("plane"), *(fields.value(key) for key in ("alpha_T", "beta", "k"))
+    plane, alpha_T, beta, k = (
+        plane or fields.value("plane"),
+        *(fields.value(key) for key in ("alpha_T", "beta", "k")),
+    )
     ctx.sound()
     return Material.of(E, nu, plane, k, alpha_T, beta, lame)
 
@@ -210,7 +244,8 @@ def laws_by_edge(node: Node | None) -> dict[str, Node]:
 @none_after_fault
 def read_friction(ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]]) -> Laws | EdgeLaws:
     """The friction law, or the laws of the contact edges; None after a fault.
-    lines: of each contact edge, and of all by the name "", for strengths that are random along them"""
+    lines: of each contact edge, and of all by the name "", for strengths that are random along
+    them"""
     each = (laws_by_edge(node) or {"": node}).items()
     laws = [(edge, _law(ctx, own, lines.get(edge, ()))) for edge, own in each]
     ctx.sound()
@@ -222,7 +257,9 @@ def _scattered(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression
     if not fields["scatter_length"]:
         fields.missing("scatter_length")
     if not line:
-        fields.fault("scatter", "the joint of a body from a file is not known beforehand; draw its outline")
+        fields.fault(
+            "scatter", "the joint of a body from a file is not known beforehand; draw its outline"
+        )
     ctx.sound()
     length = float(fields.value("scatter_length"))
     counts = [max(1, math.ceil(edge_length(edge) / (SPACING * length))) for edge in line]
@@ -230,10 +267,16 @@ def _scattered(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression
         least = 2.0 * sum(map(edge_length, line)) / MOST_PLACES
         fields.fault("scatter_length", f"is too short for the joint; write {least:.2g} m or more")
     ctx.sound()
-    points = np.concatenate([edge_points(edge, count) for edge, count in zip(line, counts, strict=True)])
-    once = np.unique(np.round(points / (1e-6 * length)), axis=0, return_index=True)[1]  # edges share their ends
+    points = np.concatenate(
+        [edge_points(edge, count) for edge, count in zip(line, counts, strict=True)]
+    )
+    once = np.unique(np.round(points / (1e-6 * length)), axis=0, return_index=True)[
+        1
+    ]  # edges share their ends
     points = points[np.sort(once)]
-    return random_field(points, float(fields.value("scatter")), length, int(fields.value("scatter_seed")))
+    return random_field(
+        points, float(fields.value("scatter")), length, int(fields.value("scatter_seed"))
+    )
 
 
 @none_after_fault
@@ -250,14 +293,20 @@ def _law(ctx: Context, node: Node, line: Sequence[Edge]) -> tuple[Laws, Scalar]:
     if fields["scatter"]:
         strength = product(strength, _scattered(ctx, fields, line))
     try:
-        law = shape.build(**{key: values[key] for key in values if key not in ("law", *OF_ALL_LAWS)})
+        law = shape.build(
+            **{key: values[key] for key in values if key not in ("law", *OF_ALL_LAWS)}
+        )
         varies = isinstance(strength, Expression)
-        return law if varies or strength == 1.0 else law.times(strength), strength if varies else 1.0
+        return law if varies or strength == 1.0 else law.times(
+            strength
+        ), strength if varies else 1.0
     except LawError as error:
         what, _, remedy = error.message.partition("; ")
         fields.fault(error.parameter, what, remedy or f"the law {name}: {shape.summary}")
     except GrowthError as error:
-        fields.fault("points", str(error), "let the last values and slopes of b have the sign of the slip")
+        fields.fault(
+            "points", str(error), "let the last values and slopes of b have the sign of the slip"
+        )
     raise Unsound
 
 
@@ -277,14 +326,20 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
         return None
     own = Fields(ctx, node, "edge_heat")
     if isinstance(node.value, Mapping) and not own.values:
-        ctx.at(node, "says nothing", "give theta, or flux, or alpha and theta_bar; without heat it is insulated")
+        ctx.at(
+            node,
+            "says nothing",
+            "give theta, or flux, or alpha and theta_bar; without heat it is insulated",
+        )
     _alone(own, "theta is held on the edge")
     return EdgeHeat(**own.given())
 
 
 def _alone(fields: Fields, why: str) -> None:
     """A temperature that is known takes nothing beside it."""
-    if fields["theta"] and (others := [key for key in fields.values if key in fields.rows and key != "theta"]):
+    if fields["theta"] and (
+        others := [key for key in fields.values if key in fields.rows and key != "theta"]
+    ):
         said = f"{why}, so {', '.join(others)} would not be used; keep theta alone, or remove it"
         fields.fault("theta", said)
 
@@ -316,13 +371,18 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
     return names
 
 
-def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material) -> None:
-    """Heat needs a conductivity and an edge that decides about temperature; what is given must act somewhere."""
+def check_heat(
+    ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material
+) -> None:
+    """Heat needs a conductivity and an edge that decides about temperature; what is given must act
+    somewhere."""
     own = {edge: role.heat for edge, role in boundary if role.heat is not None}
     passing = {edge: role.heat or EdgeHeat() for edge, role in boundary if exchanges(role)}
     section, alpha = root.at("heat"), root.nearest("heat", "alpha")
     if heat.theta is not None or (section is None and not own):
-        why = "the study has no section heat" if section is None else "the temperature theta is given"
+        why = (
+            "the study has no section heat" if section is None else "the temperature theta is given"
+        )
         for edge in [*passing, *own][:1]:
             what = "what the edge does to heat" if edge in own else "a convection edge"
             remedy = "remove theta to compute the temperature, or what the edge says of heat"
@@ -335,24 +395,45 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
         said = f"add {key}: {ctx.example(row('heat', key).suggestion)}"
         if section is None:
             for edge in lacking:
-                what, where = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
+                what, where = (
+                    "is missing, and there is no section heat to take it from",
+                    ("boundary", edge, "heat"),
+                )
                 ctx.at(root.nearest(*where), what, said, key=".".join((*where, key)))
-        elif not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping):
+        elif (
+            not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping)
+        ):
             ctx.at(section, "is missing", said, key=f"heat.{key}")
-    if not (passing or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
+    if (
+        not (passing or own) and heat.q == 0.0
+    ):  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
     for place, one in zip(places, material.all, strict=True):
         if one.k is None:
             key = f"{'.'.join(place)}.k"
-            ctx.at(root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key)
-    if not passing and not any(said.theta is not None for said in own.values()) and (own or heat.alpha > 0.0):
-        node, what = root.nearest("boundary", *[*own][:1]), "and none holds a temperature: no heat can leave"
+            ctx.at(
+                root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key
+            )
+    if (
+        not passing
+        and not any(said.theta is not None for said in own.values())
+        and (own or heat.alpha > 0.0)
+    ):
+        node, what = (
+            root.nearest("boundary", *[*own][:1]),
+            "and none holds a temperature: no heat can leave",
+        )
         if heat.alpha > 0.0:
             node, what = alpha, "so alpha acts nowhere"
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
         ctx.at(node, f"no edge has the role convection, {what}", remedy)
-    elif section and heat.alpha == 0.0 and own and any(said.alpha is None for said in passing.values()):
+    elif (
+        section
+        and heat.alpha == 0.0
+        and own
+        and any(said.alpha is None for said in passing.values())
+    ):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
         ctx.at(alpha, what, "give alpha > 0, or make those edges free or traction")
     elif heat.alpha == 0.0 and not own and heat.q != 0.0:

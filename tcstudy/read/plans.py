@@ -45,9 +45,12 @@ OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
 
 
 def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:
-    """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are for this body."""
+    """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are
+    for this body."""
     root, body = reader.root, reader.body
-    plan = _mesh(ctx, section) if (section := root.at("mesh")) else None  # that it is missing is recorded already
+    plan = (
+        _mesh(ctx, section) if (section := root.at("mesh")) else None
+    )  # that it is missing is recorded already
     if section and plan and body:
         check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
         if reader.scenes and (goal := section.at("of") or section.at("goal")):
@@ -61,7 +64,9 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
     if (one := fields["tolerance"]) and isinstance(one.value, Mapping) and len(one.value) == 1:
         what, size = next(iter(one.children.items()))
         fields.fault(
-            "tolerance", "is a number, what it is of stands beside it", f"write tolerance: {size.text()}, of: {what}"
+            "tolerance",
+            "is a number, what it is of stands beside it",
+            f"write tolerance: {size.text()}, of: {what}",
         )
         ctx.sound()
     node, sizes = fields["maxh"], fields.value("maxh") if fields["maxh"] else ()
@@ -71,30 +76,44 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
             ctx.at(node.entries[i], said)
     ctx.sound()
     to_tolerance = fields["tolerance"] is not None
-    family: FamilyName = "adaptive" if to_tolerance and not fields["family"] else fields.value("family")
+    family: FamilyName = (
+        "adaptive" if to_tolerance and not fields["family"] else fields.value("family")
+    )
     for key, said in _contradictions(fields, family, len(sizes) > 1).items():
         if key and fields[key]:
             fields.fault(key, said, on_key=True)
     key, most = "max_levels" if to_tolerance else "levels", FAMILIES[family].max_levels
     levels = ctx.integer(node, 1, most) if (node := fields[key]) else min(fields.value(key), most)
-    options, goal = fields.given(name for name in fields.rows if name not in OF_MESH), _goal(ctx, fields)
+    options, goal = (
+        fields.given(name for name in fields.rows if name not in OF_MESH),
+        _goal(ctx, fields),
+    )
     options |= {"guarantee": True} if goal.proved else {}
     return MeshPlan(sizes, len(sizes) if len(sizes) > 1 else levels, family, goal=goal, **options)
 
 
 def _contradictions(fields: Fields, family: FamilyName, listed: bool) -> dict[str, str]:
     strategy, to_tolerance = FAMILIES[family], fields["tolerance"] is not None
-    used = {one.option: f"is for {name} meshes; add family: {name}, or remove it" for name, one in FAMILIES.items()}
+    used = {
+        one.option: f"is for {name} meshes; add family: {name}, or remove it"
+        for name, one in FAMILIES.items()
+    }
     used.pop(strategy.option)
     if to_tolerance:
-        used["levels"] = "the tolerance decides how many levels there are; use max_levels for the most"
+        used["levels"] = (
+            "the tolerance decides how many levels there are; use max_levels for the most"
+        )
     else:
         used["max_levels"] = "is for a tolerance; use levels, or add tolerance: 1e-3"
         used["of"] = "says what the tolerance is of, but there is none; use goal, or add tolerance"
         if not strategy.adapts:
-            used["max_dofs"] = "ends adaptive meshes and those for a tolerance; remove it, or add family: adaptive"
+            used["max_dofs"] = (
+                "ends adaptive meshes and those for a tolerance; remove it, or add family: adaptive"
+            )
     if listed:
-        one = "with a single maxh; give one maxh and levels (nested meshes), or a list of maxh alone"
+        one = (
+            "with a single maxh; give one maxh and levels (nested meshes), or a list of maxh alone"
+        )
         used |= {key: f"{key} {'go' if key == 'levels' else 'goes'} {one}" for key in SINGLE}
         if (levels := fields["levels"]) and levels.value == 1:
             del used["levels"]
@@ -115,7 +134,11 @@ def _goal(ctx: Context, fields: Fields) -> Goal:
         if goal.quantity == "u_T":
             ctx.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
     if fields["known"] and goal.quantity == "energy":
-        fields.fault("known", "a known value needs a goal that is a number; add goal: friction_resultant", on_key=True)
+        fields.fault(
+            "known",
+            "a known value needs a goal that is a number; add goal: friction_resultant",
+            on_key=True,
+        )
     elif fields["known"]:
         of = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
         return replace(goal, known=fields.value("known", of))
@@ -134,19 +157,24 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
     if read and len(set(names)) < len(names):
         fields.fault("name", "names a solver twice", "name each solver once")
     if read and BUNDLE not in names and fields["max_iterations"]:
-        fields.fault("max_iterations", f"is of {BUNDLE} alone", f"remove it, or choose name: {BUNDLE}")
+        fields.fault(
+            "max_iterations", f"is of {BUNDLE} alone", f"remove it, or choose name: {BUNDLE}"
+        )
     every = given.get("branch") == ALL
     for key in ("max_boxes", "max_seconds"):
         if fields[key] and not every:
             fields.fault(key, f"is of branch: {ALL} alone", f"remove it, or choose branch: {ALL}")
     if every and names != SolverPlan().names:
         fields.fault("branch", f"is of {SEPARABLE} alone", "leave `name` out")
-    return SolverPlan(names, **(given | {"branch": SolverPlan().branch, "every": True} if every else given))
+    return SolverPlan(
+        names, **(given | {"branch": SolverPlan().branch, "every": True} if every else given)
+    )
 
 
 @none_after_fault
 def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
-    """Where the data go, and what is asked for beside the mandatory ones but derivatives; None after a fault."""
+    """Where the data go, and what is asked for beside the mandatory ones but derivatives; None
+    after a fault."""
     if (node := reader.root.at("output")) is None:
         return OutputPlan()
     fields = Fields(ctx, node, "output")
@@ -154,7 +182,9 @@ def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
     if where := fields["path"]:
         text, path = given["path"], Path(given["path"])
         if text and (path.name in ("", "..") or text.endswith("/") or text.startswith("~")):
-            ctx.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
+            ctx.at(
+                where, f"{where.brief()!r} names no file", "write a name such as results/study.nc"
+            )
         given["path"] = path
     if (node := fields["quantities"]) and "section_force" in (given["quantities"] or ()):
         _check_section(ctx, node, reader)
@@ -163,24 +193,39 @@ def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
 
 
 def _check_section(ctx: Context, node: Node, reader: SceneReader) -> None:
-    """Sections are cut across one straight contact line; that of a body from a file shows on its mesh."""
+    """Sections are cut across one straight contact line; that of a body from a file shows on its
+    mesh."""
     if reader.body is None or reader.body.outline is None or not reader.scenes:
         return
     edges = [edge for edge in reader.body.edges if edge.name in reader.scenes[0].edges(Contact)]
     along = np.array([np.subtract(edge.end, edge.start) for edge in edges])
     along /= np.hypot(*along.T)[:, None]
-    bends = any(edge.through for edge in edges) or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT
+    bends = (
+        any(edge.through for edge in edges)
+        or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT
+    )
     gaps = len({edge.start for edge in edges} - {edge.end for edge in edges}) > 1
     if bends or gaps:
-        what = f"section_force: the contact line {'is not straight' if bends else 'has several parts'}"
-        ctx.at(node, f"{what}, and no one section lies across it", "remove it; forces gives those of edges")
+        what = (
+            f"section_force: the contact line {'is not straight' if bends else 'has several parts'}"
+        )
+        ctx.at(
+            node,
+            f"{what}, and no one section lies across it",
+            "remove it; forces gives those of edges",
+        )
 
 
 def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe, ...]:
-    """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T at probes."""
+    """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T
+    at probes."""
     if node is None:
         return ()
-    before, point, body = len(ctx.errors), replace(rows("output")["probes"], kind="point"), reader.body
+    before, point, body = (
+        len(ctx.errors),
+        replace(rows("output")["probes"], kind="point"),
+        reader.body,
+    )
     places = ctx.mapping(node, "names to points", "write {tip: [200 mm, 60 mm]}", named=True)
     probes = [Probe(name, ctx.value(place, point)) for name, place in places.items()]
     if body is None or body.outline is None or not reader.scenes or len(ctx.errors) > before:
@@ -191,7 +236,11 @@ def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe
     found = []
     for probe in probes:
         away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]
-        on = [edge for edge, distance in zip(body.edges, away, strict=True) if distance <= NEAR * body_size(body)]
+        on = [
+            edge
+            for edge, distance in zip(body.edges, away, strict=True)
+            if distance <= NEAR * body_size(body)
+        ]
         if not on and not shape.covers(shapely.Point(probe.at)):
             what = f"the point ({probe.at[0]:g}, {probe.at[1]:g}) is {min(away):g} outside the body"
             ctx.at(places[probe.name], what, "give a point of the body")

@@ -1,13 +1,16 @@
-"""Points of a sweep that stand in a table or are drawn: lines and cells, sizes of designs, distributions.
+"""Points of a sweep that stand in a table or are drawn: lines and cells, sizes of designs,
+distributions.
 
-A table has a header of parameters with their units and a line for each point, `alpha [W/(m^2*K)],friction.delta [um]`
-and then `25,40`: separated by commas, decimals with a point, texts with a comma in double quotes; empty lines and
-lines that begin with # are left out. Every cell knows its line and column, and the study keeps the values, so that its
-results need no table afterwards.
+A table has a header of parameters with their units and a line for each point, `alpha
+[W/(m^2*K)],friction.delta [um]` and then `25,40`: separated by commas, decimals with a point, texts
+with a comma in double quotes; empty lines and lines that begin with # are left out. Every cell
+knows its line and column, and the study keeps the values, so that its results need no table
+afterwards.
 
-Points are drawn by `mode: random`, `latin-hypercube`, `sobol` or `saltelli`: every parameter has a distribution; what
-comes out are the same axes that a list of points has. A drawn point that the study cannot have is refused like a
-written one, before any work: left out, it would bend the distribution that the user asked for.
+Points are drawn by `mode: random`, `latin-hypercube`, `sobol` or `saltelli`: every parameter has a
+distribution; what comes out are the same axes that a list of points has. A drawn point that the
+study cannot have is refused like a written one, before any work: left out, it would bend the
+distribution that the user asked for.
 """
 
 from __future__ import annotations
@@ -45,12 +48,16 @@ class Parameter:
         return self.row.kind in WHOLE
 
     def several(self, node: Node) -> dict[str, Node]:
-        """The laws or materials of a node by name; none of a single one, or of what is no mapping."""
-        return {} if any(key in node.children for key in WHOLE[self.row.kind]) else dict(node.children)
+        """The laws or materials of a node by name; none of a single one, or of what is no
+        mapping."""
+        return (
+            {} if any(key in node.children for key in WHOLE[self.row.kind]) else dict(node.children)
+        )
 
 
 def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
-    """Text of the CSV table that a key names, and the cells of its lines, the headings first; nothing after a fault."""
+    """Text of the CSV table that a key names, and the cells of its lines, the headings first;
+    nothing after a fault."""
     before, path = len(ctx.errors), ctx.folder / ctx.text(node, "the path of a table")
     try:
         text = load_text(path)
@@ -61,21 +68,37 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
     heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
     words = [str(cell.value) for cell in heads]
     twice = [k for k, word in enumerate(words) if word and word in words[:k]]
-    other = [name for name, mark in {"semicolons": ";", "tabs": "\t"}.items() if len(words) == 1 and mark in words[0]]
+    other = [
+        name
+        for name, mark in {"semicolons": ";", "tabs": "\t"}.items()
+        if len(words) == 1 and mark in words[0]
+    ]
     if len(ctx.errors) > before:
         pass
     elif other:
-        ctx.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
+        ctx.at(
+            heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals"
+        )
     elif words and all(re.fullmatch(NUMBER, word) for word in words):
-        ctx.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
+        ctx.at(
+            heads[0],
+            "the table has no headings; write a name and its unit over each column, as u_x [mm]",
+        )
     elif len(lines) < 2:
-        ctx.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
+        ctx.at(
+            node, f"{path} has no data", "write a heading for each column and a line for each point"
+        )
     elif twice:
-        ctx.at(heads[twice[0]], f"the heading {words[twice[0]]!r} stands twice; give every column its own heading")
+        ctx.at(
+            heads[twice[0]],
+            f"the heading {words[twice[0]]!r} stands twice; give every column its own heading",
+        )
     elif wrong:
         others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
         what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
-        ctx.at(wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma")
+        ctx.at(
+            wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma"
+        )
     return (text, lines) if len(ctx.errors) == before else ("", [])
 
 
@@ -88,11 +111,18 @@ def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]
             match = CELL.match(line, at)
             if match is None:
                 mark = Mark(file, number, at + 1)
-                ctx.errors.at_mark(mark, "", "a quote is not where a text begins or ends", 'write "..." around a text')
+                ctx.errors.at_mark(
+                    mark,
+                    "",
+                    "a quote is not where a text begins or ends",
+                    'write "..." around a text',
+                )
                 break
             mark = Mark(file, number, match.start(1) + 1)
             word = match[1].strip()
-            cells.append(Node(word[1:-1].replace('""', '"') if word[:1] == '"' else word, "", mark, mark))
+            cells.append(
+                Node(word[1:-1].replace('""', '"') if word[:1] == '"' else word, "", mark, mark)
+            )
             at = match.end() + (not match[0].endswith(","))
         yield tuple(cells)
 
@@ -101,11 +131,15 @@ def table_value(ctx: Context, cell: Node, unit: str) -> Node:
     """A cell as the study would have it."""
     word = str(cell.value)
     if not word:
-        ctx.errors.unreadable(cell.mark, cell.path, "is empty", "give every parameter a value in every line")
+        ctx.errors.unreadable(
+            cell.mark, cell.path, "is empty", "give every parameter a value in every line"
+        )
     number = re.fullmatch(NUMBER, word)
     if unit and split_quantity(word) is not None:
         ctx.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
-    return cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
+    return (
+        cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
+    )
 
 
 @none_after_fault
@@ -117,7 +151,10 @@ def read_design(ctx: Context, node: Node, mode: str, d: int) -> Design:
     if points is node:
         ctx.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
     ctx.sound()
-    n, start = ctx.integer(points, 1, MAX_POINTS), ctx.value(seed, row("sweep", "seed")) if seed else 0
+    n, start = (
+        ctx.integer(points, 1, MAX_POINTS),
+        ctx.value(seed, row("sweep", "seed")) if seed else 0,
+    )
     if count(mode, n, d) > MAX_POINTS:
         what = f"{n} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
         ctx.at(points, what, "draw fewer points, or leave parameters out")
@@ -128,7 +165,8 @@ def read_design(ctx: Context, node: Node, mode: str, d: int) -> Design:
 def read_correlation(
     ctx: Context, node: Node | None, mode: str, places: Mapping[tuple[str, ...], int]
 ) -> np.ndarray[Any, Any] | None:
-    """R (d, d) of the drawn parameters, 1 on its diagonal; None after a fault. places: which of them a key path is"""
+    """R (d, d) of the drawn parameters, 1 on its diagonal; None after a fault. places: which of
+    them a key path is"""
     R = np.eye(len(places))
     pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0)
     for key, item in pairs.items():
@@ -136,14 +174,20 @@ def read_correlation(
         at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]
         if len(at) != 2 or at[0] == at[1] or -1 in at:
             names = ", ".join(path[-1] for path in places)
-            ctx.at(item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True)
+            ctx.at(
+                item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True
+            )
         elif not -1.0 < rho < 1.0:
             ctx.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
         else:
             R[at[0], at[1]] = R[at[1], at[0]] = rho
     ctx.sound()
     if pairs and node is not None and mode == SALTELLI:
-        ctx.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
+        ctx.at(
+            node,
+            f"mode: {SALTELLI} takes its parameters as independent",
+            "use mode: sobol or random",
+        )
     elif pairs and node is not None and np.linalg.eigvalsh(R)[0] <= 0.0:
         what = "no parameters can be correlated like this: the matrix is not positive definite"
         ctx.at(node, what, "bring the numbers nearer to 0")
@@ -155,14 +199,20 @@ Choice = tuple[tuple[str, ...], Nodes]
 
 
 @none_after_fault
-def read_distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
+def read_distribution(
+    ctx: Context, node: Node, parameter: Parameter, mode: str
+) -> Distribution | Choice | None:
     """The distribution of a parameter, or the values of a choice; None after a fault."""
     whole, dimension = parameter.is_whole, parameter.row.dimension
     found: Choice | Distribution | None = None
     if several := parameter.several(node) if whole else {}:
         found = tuple(several), tuple(several.values())
     elif whole or not isinstance(node.value, Mapping):
-        shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
+        shape = (
+            f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}"
+            if whole
+            else "{uniform: [a, b]}"
+        )
         remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
         ctx.at(node, f"must be a distribution, but is {node.kind()}", remedy)
     else:

@@ -1,7 +1,9 @@
-"""The JSON Schema of a study file, made from the table of keys: editors complete and check studies with it.
+"""The JSON Schema of a study file, made from the table of keys: editors complete and check studies
+with it.
 
-What the schema refuses the reader refuses as well; the reader finds much more (units, expressions, geometry, what
-contradicts what, keys that a sweep or derived loads could supply, names of what is swept).
+What the schema refuses the reader refuses as well; the reader finds much more (units, expressions,
+geometry, what contradicts what, keys that a sweep or derived loads could supply, names of what is
+swept).
 """
 
 from __future__ import annotations
@@ -39,20 +41,38 @@ def schema() -> Schema:
     """The whole schema (draft 2020-12)."""
     known = list(rows("").values())
     for one in known:  # which grows by the rows of the sections that it names
-        known += [row for name in one.of if name != "point" for row in rows(name).values() if row not in known]
+        known += [
+            row
+            for name in one.of
+            if name != "point"
+            for row in rows(name).values()
+            if row not in known
+        ]
     sections = dict.fromkeys(name for one in known for name in one.of)
     made = {section: _section(section) for section in (*sections, "goal") if section != "point"}
-    made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
+    made["boundary"] |= {
+        "allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]
+    }
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
-    made["friction"] |= {"allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]}
+    made["friction"] |= {
+        "allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]
+    }
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
-    words = dict.fromkeys((*SHORT.values(), *(f"friction.{key}" for key in rows("friction")), "material", *SHORT))
-    swept = {word: {"description": found.meaning} for word in words if (found := swept_row(path_of(word)))}
+    words = dict.fromkeys(
+        (*SHORT.values(), *(f"friction.{key}" for key in rows("friction")), "material", *SHORT)
+    )
+    swept = {
+        word: {"description": found.meaning}
+        for word in words
+        if (found := swept_row(path_of(word)))
+    }
     made["point"] = {"type": "object", "properties": swept, "minProperties": 1}
     made["sweep"]["properties"] |= swept
     made["sweep"]["additionalProperties"] = {"type": ["array", "object", "number", "string"]}
     made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
-    supplied = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}  # which may have the other sections
+    supplied = {
+        "anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]
+    }  # which may have the other sections
     needed = {"required": [one.name for one in rows("").values() if one.required]}
     whole = _section("", ("body", "boundary")) | {"if": supplied, "else": needed}
     return {"$schema": DRAFT, "title": TITLE, **whole, "$defs": made}
@@ -85,11 +105,21 @@ def _ref(section: str) -> Schema:
 
 
 def _list(items: Schema, least: int = 0, most: int | None = None) -> Schema:
-    return {"type": "array", "items": items, "minItems": least, **({} if most is None else {"maxItems": most})}
+    return {
+        "type": "array",
+        "items": items,
+        "minItems": least,
+        **({} if most is None else {"maxItems": most}),
+    }
 
 
 def _named(items: Schema, **more: object) -> Schema:
-    return {"type": "object", "propertyNames": {"pattern": NAME}, "additionalProperties": items, **more}
+    return {
+        "type": "object",
+        "propertyNames": {"pattern": NAME},
+        "additionalProperties": items,
+        **more,
+    }
 
 
 def _by_path(items: Schema) -> Schema:
@@ -97,7 +127,12 @@ def _by_path(items: Schema) -> Schema:
 
 
 def _number(one: Key) -> Schema:
-    bounds = {"minimum": one.least, "exclusiveMinimum": one.above, "maximum": one.most, "exclusiveMaximum": one.below}
+    bounds = {
+        "minimum": one.least,
+        "exclusiveMinimum": one.above,
+        "maximum": one.most,
+        "exclusiveMaximum": one.below,
+    }
     number, kind = (int, {"type": "integer"}) if one.kind == "integer" else (float, VALUE)
     return kind | {name: number(bound) for name, bound in bounds.items() if bound is not None}
 
@@ -111,7 +146,9 @@ def _fragment(one: Key) -> Schema:
     kind = one.kind
     if kind in PAIRS:
         pair = _list(_fragment(replace(one, kind=PAIRS[kind][0])), 2, 2)
-        return {"anyOf": [{"const": "derived"}, pair]} if kind in ("vector", "displacement") else pair
+        return (
+            {"anyOf": [{"const": "derived"}, pair]} if kind in ("vector", "displacement") else pair
+        )
     if kind in LISTS:
         return _list(_fragment(replace(one, kind=LISTS[kind][0])), int(one.least or LISTS[kind][2]))
     if kind in SOME:
@@ -127,7 +164,9 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
     "choice": lambda one: {"enum": list(one.words)},
-    "choice by edge": lambda one: {"anyOf": [{"enum": list(one.words)}, _named({"enum": list(one.words)})]},
+    "choice by edge": lambda one: {
+        "anyOf": [{"enum": list(one.words)}, _named({"enum": list(one.words)})]
+    },
     "quantity": lambda one: VALUE,
     "named places": lambda one: _named(_list(VALUE, 2, 2), minProperties=1),
     "named points": lambda one: _named(_list(_list(VALUE, 2, 2), 1)),
@@ -136,11 +175,16 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "named sections": lambda one: _named(_sub_section(one)),
     "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1)]},
     "goal": lambda one: {
-        "anyOf": [{"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]}, _ref("goal")]
+        "anyOf": [
+            {"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]},
+            _ref("goal"),
+        ]
     },
     "law": lambda one: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
     "material": lambda one: _ref("material"),
-    "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},
+    "sweep points": lambda one: {
+        "anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]
+    },
     "named numbers": lambda one: _named(VALUE, minProperties=1),
     "named quantities": lambda one: {"anyOf": [_by_path(VALUE), {"const": "estimate"}]},
     "named texts": lambda one: _by_path(SOME_TEXT),

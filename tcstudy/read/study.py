@@ -1,14 +1,14 @@
 """A study file to a Study: every number of every sweep point checked, all faults reported at once.
 
-Where a sweep varies numbers of the body or of the meshes there is one study for each geometry: the study with the swept
-numbers put into `body`, `mesh` or `parameters`, read by the same code as any other. What is wrong with its shape, or
-with its element size for it, refuses its points with the reason, since the other geometries are sound; every other
-fault is one of the study.
+Where a sweep varies numbers of the body or of the meshes there is one study for each geometry: the
+study with the swept numbers put into `body`, `mesh` or `parameters`, read by the same code as any
+other. What is wrong with its shape, or with its element size for it, refuses its points with the
+reason, since the other geometries are sound; every other fault is one of the study.
 
-`exact.loads: derived`: loads that follow from the exact solution are left out of the study, which is read with 0 in
-their places, and put into its scenes. What is given although it would be derived, in the study or in its sweep, is a
-fault. The word `derived` may stand in the place of a load; where an edge is held in one component only it must:
-{role: clamped, u_x: derived}.
+`exact.loads: derived`: loads that follow from the exact solution are left out of the study, which
+is read with 0 in their places, and put into its scenes. What is given although it would be derived,
+in the study or in its sweep, is a fault. The word `derived` may stand in the place of a load; where
+an edge is held in one component only it must: {role: clamped, u_x: derived}.
 """
 
 from __future__ import annotations
@@ -53,11 +53,14 @@ from tcstudy.scene.study import Exact, Study, Variant
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 
 
-def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool | None = True) -> Study:
-    """The study in a file, with `--set` options key=value put in; raises StudyError with all its problems.
+def read_study(
+    path: str | Path, overrides: Sequence[str] = (), *, swept: bool | None = True
+) -> Study:
+    """The study in a file, with `--set` options key=value put in; raises StudyError with all its
+    problems.
 
-    swept: whether the sweep is used, so that an option for a swept key would be lost; None: unless the study is run as
-    a path, which is of the scene outside it
+    swept: whether the sweep is used, so that an option for a swept key would be lost; None: unless
+    the study is run as a path, which is of the scene outside it
     """
     path = Path(path)
     return read_study_text(load_text(path), str(path), overrides, path, swept=swept)
@@ -72,7 +75,9 @@ def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
     return read_body(ctx, node)[0]
 
 
-def _begun(text: str, name: str, overrides: Sequence[str], source: Path | None) -> tuple[Context, Node]:
+def _begun(
+    text: str, name: str, overrides: Sequence[str], source: Path | None
+) -> tuple[Context, Node]:
     ctx = Context(Collector(), folder=source.parent if source else Path())
     root = apply_overrides(compose(text, name, ctx.errors), tuple(overrides), SHORT, ctx.errors)
     if units := root.at("units"):
@@ -95,7 +100,9 @@ def read_study_text(
     overrides = tuple(overrides)
     ctx, root = _begun(text, name, overrides, source)
     if not isinstance(root.value, Mapping):
-        ctx.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
+        ctx.at(
+            root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml"
+        )
         raise StudyError(ctx.errors.problems)
     words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.at(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
@@ -106,31 +113,45 @@ def read_study_text(
     if swept is None:
         swept = not root.at("path") or bool(root.at("history") or root.at("fit"))
     sweep = read_sweep(ctx, root, swept)
-    said = with_sweep(overrides, sweep.mode, sweep.records(ctx.units)) if sweep.tabled else overrides
+    said = (
+        with_sweep(overrides, sweep.mode, sweep.records(ctx.units)) if sweep.tabled else overrides
+    )
     if sweep.axes and geometric(root, sweep):
         return read_variants(ctx, root, sweep, overrides, said, partial(_one_body, header))
     study = _one_body(header, ctx, root, sweep, said)
     if root.at("fit", "tests") is None:
         return study
-    return read_tests(ctx, root, study, lambda options: read_study_text(text, name, options, source))
+    return read_tests(
+        ctx, root, study, lambda options: read_study_text(text, name, options, source)
+    )
 
 
-def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]) -> Study:
+def _one_body(
+    header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]
+) -> Study:
     """The study of one body and its meshes. said: options that make the text this study."""
     root = with_swept_keys(without_loads(ctx, root, sweep) if root.at("exact") else root, sweep)
     Fields(ctx, root, "", REQUIRED)
     memory = root.at("history", "memory")
-    loose = memory is not None and all(one.value == "friction" for one in memory.children.values() or (memory,))
+    loose = memory is not None and all(
+        one.value == "friction" for one in memory.children.values() or (memory,)
+    )
     reader = SceneReader(ctx, root, sweep, loose=loose)
     reader.read()
     ctx.errors.point = ""
-    mesh, solver, output = read_mesh(ctx, reader), read_solver(ctx, root.at("solver")), read_output(ctx, reader)
+    mesh, solver, output = (
+        read_mesh(ctx, reader),
+        read_solver(ctx, root.at("solver")),
+        read_output(ctx, reader),
+    )
     path = read_path(ctx, reader, mesh) if root.at("path") else None
     exact = read_exact(ctx, reader) if root.at("exact") else None
     history = read_history(ctx, reader, mesh) if reader.scenes and root.at("history") else None
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
         output = replace(output, sensitivity=read_sensitivity(ctx, node, reader, exact, history))
-    fit = read_fit(ctx, reader, mesh, history) if not ctx.errors.problems and root.at("fit") else None
+    fit = (
+        read_fit(ctx, reader, mesh, history) if not ctx.errors.problems and root.at("fit") else None
+    )
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (output and output.live):
         check_together(ctx, reader, mesh, solver, output, exact)
     scenes = reader.scenes
@@ -140,12 +161,20 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
         raise StudyError(ctx.errors.problems)
     axes = sweep.records(ctx.units) if sweep.axes else ()
     sweep_said = {"mode": sweep.mode, "axes": axes, "design": sweep.design, "overrides": said}
-    plans = {"mesh": mesh, "solver": solver, "output": output, "exact": exact, "path": path, "history": history}
+    plans = {
+        "mesh": mesh,
+        "solver": solver,
+        "output": output,
+        "exact": exact,
+        "path": path,
+        "history": history,
+    }
     return Study(**header | sweep_said | plans, fit=fit, scenes=scenes, units=ctx.units)
 
 
 def geometric(root: Node, sweep: Sweep) -> list[int]:
-    """The axes that change the body or its meshes: numbers of these sections, and names that they use."""
+    """The axes that change the body or its meshes: numbers of these sections, and names that they
+    use."""
     sections = [node for name in GEOMETRIC if (node := root.at(name)) is not None]
 
     def moves(path: tuple[str, ...]) -> bool:
@@ -168,7 +197,9 @@ def read_variants(
     Raises StudyError with the faults of the first geometry that has some, or if all are refused."""
     outer, variants = geometric(root, sweep), list[Variant]()
 
-    def of(one: Variant, root: Node, rest: Sweep, said: tuple[str, ...]) -> tuple[Variant, tuple[Problem, ...]]:
+    def of(
+        one: Variant, root: Node, rest: Sweep, said: tuple[str, ...]
+    ) -> tuple[Variant, tuple[Problem, ...]]:
         """A geometry with its study, or with why it is refused; and what else is wrong with it."""
         inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
         inner.named = read_parameters(inner, root.at("parameters"))
@@ -183,7 +214,9 @@ def read_variants(
     for number, one in enumerate(geometries):
         made, problems = of(*one)
         if problems:  # those that the first or the last has as well are of the study
-            others = {p for at in {0, len(geometries) - 1} - {number} for p in of(*geometries[at])[1]}
+            others = {
+                p for at in {0, len(geometries) - 1} - {number} for p in of(*geometries[at])[1]
+            }
             own = [p if p in others or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
                    for p in problems]  # fmt: skip
             raise StudyError([*ctx.errors.problems, *own])
@@ -199,35 +232,55 @@ def read_variants(
     if first is None or ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     scenes = Scenes.joined([((one.study or first).scenes, one.places) for one in variants])
-    said_of_sweep = {"axes": sweep.records(ctx.units), "mode": sweep.mode, "design": sweep.design, "overrides": said}
+    said_of_sweep = {
+        "axes": sweep.records(ctx.units),
+        "mode": sweep.mode,
+        "design": sweep.design,
+        "overrides": said,
+    }
     return replace(first, scenes=scenes, variants=tuple(variants), **said_of_sweep)  # type: ignore[arg-type]
 
 
 def _geometries(
     ctx: Context, root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]
 ) -> Iterator[tuple[Variant, Node, Sweep, tuple[str, ...]]]:
-    """The geometries of a sweep in order: each without its study, the text with its numbers put in, what of the sweep
-    is left, and the options with which the text of the whole study is that of this geometry."""
-    axes, inner = [sweep.axes[i] for i in outer], tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
+    """The geometries of a sweep in order: each without its study, the text with its numbers put in,
+    what of the sweep is left, and the options with which the text of the whole study is that of
+    this geometry."""
+    axes, inner = (
+        [sweep.axes[i] for i in outer],
+        tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer),
+    )
     found: dict[tuple[float | str, ...], list[int]] = {}
     for k, at in enumerate(sweep.places[outer].T.tolist()):
-        found.setdefault(tuple(axis.labels[j] for axis, j in zip(axes, at, strict=True)), []).append(k)
+        found.setdefault(
+            tuple(axis.labels[j] for axis, j in zip(axes, at, strict=True)), []
+        ).append(k)
     rest = replace(sweep, axes=inner)
     said = with_sweep(overrides, sweep.mode, rest.records(ctx.units))
     for places in found.values():
         index = tuple(sweep.places[outer, places[0]].tolist())
         if sweep.mode == "list":
             left = tuple(axis.at(places) for axis in inner)
-            rest = replace(sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False)
+            rest = replace(
+                sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False
+            )
             said = with_sweep(overrides, rest.mode, rest.records(ctx.units))
         words, own, made = [], list(said), root
         for axis, k in zip(axes, index, strict=True):
             path, value = ".".join(axis.path), axis.values[k]
             words.append(f"{axis.key} = {value.brief()}")
             own.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
-            with suppress(KeyError):  # something else stands there, which the section's reader records
+            with suppress(
+                KeyError
+            ):  # something else stands there, which the section's reader records
                 made = put(made, split_path(path) or (), value)
-        yield Variant(", ".join(words), np.array(places, dtype=np.intp), None), made, rest, tuple(own)
+        yield (
+            Variant(", ".join(words), np.array(places, dtype=np.intp), None),
+            made,
+            rest,
+            tuple(own),
+        )
 
 
 DERIVED = "derived"
@@ -239,8 +292,8 @@ REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 
 def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
-    """The study with 0 for all loads that will be derived; those that are given are recorded as faults.
-    A misspelt word asks for derived loads as well, so that it is the only fault."""
+    """The study with 0 for all loads that will be derived; those that are given are recorded as
+    faults. A misspelt word asks for derived loads as well, so that it is the only fault."""
     word = root.at("exact", "loads")
     if word is None or word.value == "given" or not isinstance(root.value, Mapping):
         return root
@@ -257,14 +310,23 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
             ctx.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
 
     boundary, zero = root.at("boundary"), replace(word, value=0)
-    roles = {name: edge.nearest("role").value for name, edge in boundary.children.items()} if boundary else {}
+    roles = (
+        {name: edge.nearest("role").value for name, edge in boundary.children.items()}
+        if boundary
+        else {}
+    )
     zeros: dict[tuple[str, ...], Node] = {("heat", "theta_bar"): zero}
     zeros["loads", "f"] = replace(word, value=(zero, zero))
-    zeros |= {("boundary", name, "pressure"): zero for name, role in roles.items() if role == "traction"}
+    zeros |= {
+        ("boundary", name, "pressure"): zero for name, role in roles.items() if role == "traction"
+    }
     if root.at("heat", "theta"):  # that it is given is the fault, not that alpha is not
         zeros["heat", "alpha"] = replace(word, value=1)
     derived: dict[Place, Place] = {("loads",): ("f",), ("heat",): OF_HEAT}
-    derived |= {("boundary", name): COMPONENTS if role == "clamped" else TRACTIONS for name, role in roles.items()}
+    derived |= {
+        ("boundary", name): COMPONENTS if role == "clamped" else TRACTIONS
+        for name, role in roles.items()
+    }
     for place, key in ((place, key) for place, keys in derived.items() for key in keys):
         if (given := root.at(*place, key)) is None:
             continue
@@ -318,7 +380,9 @@ def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
 def read_exact(ctx: Context, reader: SceneReader) -> Exact:
     """The exact solution; None after a fault."""
     fields = Fields(ctx, reader.root.nearest("exact"), "exact")
-    u, theta, xi, exponent, loads = (fields.value(key) for key in ("u", "theta", "xi", "exponent", "loads"))
+    u, theta, xi, exponent, loads = (
+        fields.value(key) for key in ("u", "theta", "xi", "exponent", "loads")
+    )
     exact = Exact(u, theta, xi, exponent, loads == DERIVED)
     ctx.sound()
     if reader.body is not None:

@@ -1,4 +1,5 @@
-"""Reads the section `sweep`: which parameters take which values, how they are combined, and their labels in the data.
+"""Reads the section `sweep`: which parameters take which values, how they are combined, and their
+labels in the data.
 
 The values stay nodes of the study: a sweep point is the study with these nodes put at their paths.
 """
@@ -50,7 +51,8 @@ OF_DESIGNS = ("points", "seed", "correlation")
 
 @dataclass(frozen=True)
 class SweptAxis(Parameter):
-    """A parameter with its key in the sweep, its values as nodes, and what stands for them in the data."""
+    """A parameter with its key in the sweep, its values as nodes, and what stands for them in the
+    data."""
 
     key: str
     node: Node
@@ -64,16 +66,21 @@ class SweptAxis(Parameter):
         return replace(self, values=values, labels=labels)
 
     def ascending(self) -> SweptAxis:
-        """The same, its numbers in ascending order where they go up and down: CF wants monotonic coordinates.
+        """The same, its numbers in ascending order where they go up and down: CF wants monotonic
+        coordinates.
 
-        Texts stay in their order: as the values of a dimension they are no strict CF coordinate, but as a label
-        variable of another name `data.sel(friction="tresca")` would find no index.
+        Texts stay in their order: as the values of a dimension they are no strict CF coordinate,
+        but as a label variable of another name `data.sel(friction="tresca")` would find no index.
         """
         if any(isinstance(label, str) for label in self.labels):
             return self
         labels = [float(label) for label in self.labels]
         order = sorted(range(len(labels)), key=labels.__getitem__)
-        return self if order in ([*range(len(labels))], [*reversed(range(len(labels)))]) else self.at(order)
+        return (
+            self
+            if order in ([*range(len(labels))], [*reversed(range(len(labels)))])
+            else self.at(order)
+        )
 
 
 @dataclass(frozen=True)
@@ -129,8 +136,12 @@ def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
     if mode == "list":
         axes = _point_list(ctx, root, node, given)
     else:
-        items = {key: item for key, item in given.items() if mode not in DESIGNS or key not in OF_DESIGNS}
-        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, root, key, item))}
+        items = {
+            key: item for key, item in given.items() if mode not in DESIGNS or key not in OF_DESIGNS
+        }
+        found = {
+            key: (item, p) for key, item in items.items() if (p := _parameter(ctx, root, key, item))
+        }
         if mode not in DESIGNS:
             axes = [_listed(ctx, root, key, item, p) for key, (item, p) in found.items()]
         else:
@@ -170,17 +181,25 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
         same = [nearest(key, same) or same[0]] if path[1:] else same
         remedy = f"did you mean {' or '.join(map(repr, same))}?"
     else:
-        remedy = hint(key, [*SHORT, *known, "mode", "friction", "material"], "use a key path such as heat.alpha")
+        remedy = hint(
+            key,
+            [*SHORT, *known, "mode", "friction", "material"],
+            "use a key path such as heat.alpha",
+        )
     ctx.at(item, what, remedy, on_key=True)
     return None
 
 
 def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
-    """The row of what a sweep of this study may vary at a key path: of a key of its scene, a component, a number of the
-    body or the meshes, a name; None where there is none such."""
+    """The row of what a sweep of this study may vary at a key path: of a key of its scene, a
+    component, a number of the body or the meshes, a name; None where there is none such."""
     section, name = path[0], path[-1]
     if section == "parameters":
-        return Key(name, "number", "", ctx.named[name].dimension) if path[1:] == (name,) and name in ctx.named else None
+        return (
+            Key(name, "number", "", ctx.named[name].dimension)
+            if path[1:] == (name,) and name in ctx.named
+            else None
+        )
     if section == "body":
         number = root.at(*(split_path(".".join(path)) or ()))
         is_one = number is not None and isinstance(number.value, int | float | str)
@@ -194,21 +213,46 @@ def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
     law = (by_edge.get(path[1]) if path[1:] and by_edge else friction) or root
     of = str(word.value) if (word := law.at("law")) else ""
     found = swept_row(path, of, by_edge)
-    whole = swept_row(tuple(word for word in place if isinstance(word, str)), of, by_edge) if place != path else None
+    whole = (
+        swept_row(tuple(word for word in place if isinstance(word, str)), of, by_edge)
+        if place != path
+        else None
+    )
     if found is None and whole is not None and whole.kind == "vector":
         return replace(whole, name=name, kind="field")
     if found is None and whole is not None and root.at(*place):
         return OF_POINT["s" if name == "s" else "b"]
-    return replace(found, kind="number") if found and section == "mesh" else found  # its levels are no axis
+    return (
+        replace(found, kind="number") if found and section == "mesh" else found
+    )  # its levels are no axis
 
 
 def _known(ctx: Context, root: Node) -> list[str]:
-    inner = [f"{key}.{one}" for key, of in {"heat": "edge_heat", "spring": "spring"}.items() for one in rows(of)]
-    keys = {"boundary": [*rows("boundary"), *inner], "materials": rows("material"), "friction": rows("friction")}
-    named = [f"{section}.{name}" for section in keys for name in (root.at(section) or Node.of({}, "")).children]
-    paths = [f"{place}.{key}" for place in ("friction", *named) for key in keys[place.partition(".")[0]]]
+    inner = [
+        f"{key}.{one}"
+        for key, of in {"heat": "edge_heat", "spring": "spring"}.items()
+        for one in rows(of)
+    ]
+    keys = {
+        "boundary": [*rows("boundary"), *inner],
+        "materials": rows("material"),
+        "friction": rows("friction"),
+    }
+    named = [
+        f"{section}.{name}"
+        for section in keys
+        for name in (root.at(section) or Node.of({}, "")).children
+    ]
+    paths = [
+        f"{place}.{key}" for place in ("friction", *named) for key in keys[place.partition(".")[0]]
+    ]
     names = (f"parameters.{name}" for name in ctx.named)
-    return [*ctx.named, *names, *SHORT.values(), *(path for path in paths if _row_at(ctx, root, path_of(path)))]
+    return [
+        *ctx.named,
+        *names,
+        *SHORT.values(),
+        *(path for path in paths if _row_at(ctx, root, path_of(path))),
+    ]
 
 
 def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
@@ -220,8 +264,12 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
                 what = f"is made of {min(words_in(value, following))}, which is swept as well"
                 ctx.at(value, what, "write its values out, or put the expression where the key is")
         for key, node in root.children.items():
-            if key not in (*UNNAMED, *SECTIONS, "materials", *GEOMETRIC) and (words := words_in(node, following)):
-                what = f"is swept, but {key} depends on it ({min(words)}), and a study has one {key}"
+            if key not in (*UNNAMED, *SECTIONS, "materials", *GEOMETRIC) and (
+                words := words_in(node, following)
+            ):
+                what = (
+                    f"is swept, but {key} depends on it ({min(words)}), and a study has one {key}"
+                )
                 ctx.at(axis.node, what, "write one study for each value, with --set", on_key=True)
 
 
@@ -234,7 +282,11 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
             one = sweep.mode == "grid" and not axis.is_whole
             listed = f', --set "sweep.{axis.key}=[{lost[0].text()}]"' if one else ""
             remedy = f"leave it out here, give the sweep other values{listed}, or remove it by --set sweep=null"
-            ctx.at(lost[0], f"{axis.key} is swept, so what this option says of it would not be used", remedy)
+            ctx.at(
+                lost[0],
+                f"{axis.key} is swept, so what this option says of it would not be used",
+                remedy,
+            )
 
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:
@@ -244,21 +296,34 @@ def with_swept_keys(root: Node, sweep: Sweep) -> Node:
         # A parameter of a law that is itself swept may be foreign to the base law.
         path = axis.path
         if not root.at(*place_of(root, path)) and path[:1] not in whole:
-            with suppress(KeyError):  # something else stands there, which the section's reader records
+            with suppress(
+                KeyError
+            ):  # something else stands there, which the section's reader records
                 root = put_number(root, path, axis.values[0])
     return root
 
 
 def _axis(
-    ctx: Context, key: str, node: Node, p: Parameter, values: Nodes, names: tuple[str, ...] = (), drawn: str = ""
+    ctx: Context,
+    key: str,
+    node: Node,
+    p: Parameter,
+    values: Nodes,
+    names: tuple[str, ...] = (),
+    drawn: str = "",
 ) -> SweptAxis:
     texts, kind = tuple(value.text() for value in values), p.row.kind
     numbers = tuple[float, ...]()
     if not names and kind in NUMBERS and not (kind == "component" and "free" in texts):
-        labels = [ctx.scalar(value, p.row.dimension, varies=kind in ("field", "component")) for value in values]
+        labels = [
+            ctx.scalar(value, p.row.dimension, varies=kind in ("field", "component"))
+            for value in values
+        ]
         numbers = tuple(label for label in labels if isinstance(label, float))
     alike = len(numbers) == len(values)
-    return SweptAxis(p.path, p.row, key, node, values, names or (numbers if alike else texts), drawn)
+    return SweptAxis(
+        p.path, p.row, key, node, values, names or (numbers if alike else texts), drawn
+    )
 
 
 def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node]) -> list[SweptAxis]:
@@ -268,9 +333,16 @@ def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node])
         ctx.at(given[stray[0]], f"{stray[0]} is for modes that draw points; remove it", on_key=True)
     elif stray:
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
-        ctx.at(given[stray[0]], f"with mode: list the parameter {stray[0]!r} belongs into points", remedy, on_key=True)
+        ctx.at(
+            given[stray[0]],
+            f"with mode: list the parameter {stray[0]!r} belongs into points",
+            remedy,
+            on_key=True,
+        )
     elif points is None:
-        ctx.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
+        ctx.at(
+            node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points"
+        )
     axes = list[SweptAxis]()
     for key, unit, item, values in _columns(ctx, points) if points else ():
         p = _parameter(ctx, root, key, item)
@@ -288,7 +360,8 @@ def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node])
 
 
 def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes]]:
-    """(key, unit, its place, values) of listed points or of the table that `points` names; none after a fault."""
+    """(key, unit, its place, values) of listed points or of the table that `points` names; none
+    after a fault."""
     if isinstance(points.value, str):
         head, *lines = table_lines(ctx, points)[1] or [()]
         if len(lines) * (len(head) + 1) > MOST_VALUES:
@@ -296,22 +369,34 @@ def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes
             ctx.at(points, what, "use fewer points, or several studies, whose files xarray joins")
             return
         for j, cell in enumerate(head):
-            key, unit = match.groups() if (match := HEAD.fullmatch(str(cell.value))) else (str(cell.value), None)
-            yield key, (unit or "").strip(), cell, tuple(replace(line[j], path=f"sweep.{key}") for line in lines)
+            key, unit = (
+                match.groups()
+                if (match := HEAD.fullmatch(str(cell.value)))
+                else (str(cell.value), None)
+            )
+            yield (
+                key,
+                (unit or "").strip(),
+                cell,
+                tuple(replace(line[j], path=f"sweep.{key}") for line in lines),
+            )
         return
     listed = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
     for point in listed:
         if not point.children or {*point.children} != {*listed[0].children}:
             said = f"names {', '.join(point.children)}" if point.children else f"is {point.kind()}"
             what = f"{said}, but the first point names {', '.join(listed[0].children) or 'nothing'}"
-            ctx.at(point, what, "write {PARAMETER: value, ...} with the same parameters in every point")
+            ctx.at(
+                point, what, "write {PARAMETER: value, ...} with the same parameters in every point"
+            )
             return
     for key, item in listed[0].children.items() if listed else ():
         yield key, "", item, tuple(point.children[key] for point in listed)
 
 
 def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
-    """A law or a material in a point, after its name: its key in {NAME: law}, else that of its shape or all it says."""
+    """A law or a material in a point, after its name: its key in {NAME: law}, else that of its
+    shape or all it says."""
     if len(several := parameter.several(node)) == 1:
         return next(iter(several.items()))
     return str(word.value) if (word := node.at("law")) else node.text(), node
@@ -321,10 +406,17 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
     paths: dict[Keys, str] = {}
     for axis in axes:
         if (first := paths.setdefault(axis.path, axis.key)) != axis.key:
-            ctx.at(axis.node, f"sweeps the same parameter as {first!r}; keep one of the two", on_key=True)
+            ctx.at(
+                axis.node,
+                f"sweeps the same parameter as {first!r}; keep one of the two",
+                on_key=True,
+            )
     lengths = [len(axis.values) for axis in axes if axis.values]
     same = [  # of numbers those in SI, of others the texts
-        [a if isinstance(a, float) else value.text() for a, value in zip(axis.labels, axis.values, strict=True)]
+        [
+            a if isinstance(a, float) else value.text()
+            for a, value in zip(axis.labels, axis.values, strict=True)
+        ]
         for axis in axes
     ]
     repeated: list[tuple[Nodes, Sequence[object]]] = []
@@ -332,9 +424,13 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
         repeated = [(axis.values, one) for axis, one in zip(axes, same, strict=True)]
         if (count := math.prod(lengths)) > MAX_POINTS:
             ctx.at(node, f"the sweep has {count} points; at most {MAX_POINTS}: use fewer values")
-    elif odd := next((axis for axis in axes if axis.values and len(axis.values) != lengths[0]), None):
+    elif odd := next(
+        (axis for axis in axes if axis.values and len(axis.values) != lengths[0]), None
+    ):
         remedy = "with mode: zip give all lists the same length, or use mode: grid"
-        ctx.at(odd.node, f"has {len(odd.values)} values, but {axes[0].key} has {lengths[0]}", remedy)
+        ctx.at(
+            odd.node, f"has {len(odd.values)} values, but {axes[0].key} has {lengths[0]}", remedy
+        )
     elif axes and len(lengths) == len(axes):
         repeated = [(axes[0].values, list(zip(*same, strict=True)))]
     for nodes, identities in repeated:
@@ -364,14 +460,20 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | 
 
 
 def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> SweptAxis:
-    first, kind, values = len(ctx.errors.problems), p.row.kind, node.entries if isinstance(node.value, tuple) else ()
+    first, kind, values = (
+        len(ctx.errors.problems),
+        p.row.kind,
+        node.entries if isinstance(node.value, tuple) else (),
+    )
     names: tuple[str, ...] = ()
     if p.is_whole:
         names, values = tuple(several := p.several(node)), tuple(several.values())
         if not several:
             own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
             is_one = f"is a single {kind}, not" if node.children else "must be"
-            what = f"{is_one} a mapping of names to {kind}s" + ("" if node.children else f", but is {node.kind()}")
+            what = f"{is_one} a mapping of names to {kind}s" + (
+                "" if node.children else f", but is {node.kind()}"
+            )
             ctx.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
     elif node.children and kind in NUMBERS:
         values = _spaced(ctx, node, p.row.dimension) or ()
@@ -383,7 +485,9 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
         ctx.at(node, what, f"write a list such as [{example}")
     axis = _axis(ctx, key, node, p, values, names)
     faults, full = ctx.errors.problems, ".".join(p.path)
-    if faults[first:] and (others := [one for one in _known(ctx, root) if one.endswith(f".{key}") and one != full]):
+    if faults[first:] and (
+        others := [one for one in _known(ctx, root) if one.endswith(f".{key}") and one != full]
+    ):
         meant = f", or {' or '.join(others)} for {key}, which is {full}"
         faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
     return axis
@@ -391,8 +495,8 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
 
 @none_after_fault
 def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
-    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included; geometric spacing rounded
-    to what logarithms give. None after a fault."""
+    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included;
+    geometric spacing rounded to what logarithms give. None after a fault."""
     kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
     ctx.sound()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
@@ -410,33 +514,55 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     if kind == "linspace":
         between = [a + (b - a) * t for t in shares]
     else:
-        between = [math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a) for t in shares]
-    unit = common_unit([end.value for end in item.entries[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
+        between = [
+            math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a)
+            for t in shares
+        ]
+    unit = (
+        common_unit([end.value for end in item.entries[:2]], dimension)
+        if ctx.units == "SI"
+        else ("", 1.0)
+    )
     numbers = (a, *(float(f"{value:.15g}") for value in between), b)
     return tuple(replace(item, value=value, shown_in=unit) for value in numbers)
 
 
 def _drawn(
-    ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]], correlation: Node | None
+    ctx: Context,
+    design: Design,
+    items: Mapping[str, tuple[Node, Parameter]],
+    correlation: Node | None,
 ) -> list[SweptAxis]:
-    read = {key: read_distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
-    R = read_correlation(ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())})
+    read = {
+        key: read_distribution(ctx, node, parameter, design.mode)
+        for key, (node, parameter) in items.items()
+    }
+    R = read_correlation(
+        ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())}
+    )
     if not items or R is None or any(found is None for found in read.values()):
         return []
     axes, points = list[SweptAxis](), cube(design, len(items))
-    for (key, found), u in zip(read.items(), (points if correlation is None else correlated(points, R)).T, strict=True):
+    for (key, found), u in zip(
+        read.items(), (points if correlation is None else correlated(points, R)).T, strict=True
+    ):
         node, parameter = items[key]
         if isinstance(found, Distribution):
             inner = next(iter(node.children.values()))
             ends = inner.children.values() or inner.entries
             written = [end.value for end in ends if isinstance(end.value, str)]
             unit = common_unit(written, parameter.row.dimension) if ctx.units == "SI" else ("", 1.0)
-            values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
+            values = tuple(
+                replace(node, value=value, shown_in=unit) for value in found.at(u).tolist()
+            )
             axes.append(_axis(ctx, key, node, parameter, values, (), str(found)))
         elif found is not None:
             names, entries = found
             which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
             said = f"choice({', '.join(names or [entry.text() for entry in entries])})"
-            values, labels = tuple(entries[i] for i in which), tuple(names[i] for i in which if names)
+            values, labels = (
+                tuple(entries[i] for i in which),
+                tuple(names[i] for i in which if names),
+            )
             axes.append(_axis(ctx, key, node, parameter, values, labels, said))
     return axes

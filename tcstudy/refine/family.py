@@ -1,7 +1,8 @@
 """Estimated errors of all points of a level, and the meshes that follow from them.
 
-All points of a sweep share their mesh: a triangle is as important as its share of the relative error of the point that
-needs it most, and a tolerance holds when it holds for every point that was solved.
+All points of a sweep share their mesh: a triangle is as important as its share of the relative
+error of the point that needs it most, and a tolerance holds when it holds for every point that was
+solved.
 """
 
 from __future__ import annotations
@@ -58,9 +59,11 @@ class Estimate:
 
     @property
     def shares(self) -> Array:
-        """(t,) indicators that sum to the relative error without what end cells hide, so that points compare.
+        """(t,) indicators that sum to the relative error without what end cells hide, so that
+        points compare.
 
-        Where nothing else is known to be wrong, to as much as they hide: what one zone does, others may.
+        Where nothing else is known to be wrong, to as much as they hide: what one zone does, others
+        may.
         """
         total, hidden = float(self.indicators.sum()), float(self.hidden.sum()) * self.scale
         error = self.error if math.isfinite(self.error) and self.error > 0.0 else 1.0
@@ -88,21 +91,30 @@ class ErrorEstimator:
     _halved: Halved | None = None
     _pieces: Pieces | None = None
 
-    def look(self, index: Index, scene: Scene, v: Array, bound: float | None = None) -> dict[str, float]:
+    def look(
+        self, index: Index, scene: Scene, v: Array, bound: float | None = None
+    ) -> dict[str, float]:
         """Estimate the error of a solution v (m,); what is stored of it, by variable name.
 
-        bound: of the relative error in the energy norm, NaN for none, which the tolerance of a proved goal is of
+        bound: of the relative error in the energy norm, NaN for none, which the tolerance of a
+        proved goal is of
         """
         goal = self.plan.goal
         estimate = self._estimate(index, scene, v)
         if goal.proved:
-            estimate = replace(estimate, error=math.inf if bound is None or math.isnan(bound) else bound)
+            estimate = replace(
+                estimate, error=math.inf if bound is None or math.isnan(bound) else bound
+            )
             self.hopeless |= self.level.law(scene).omega >= self.level.band(scene).high
         self.estimates[index] = estimate
         stored = {"error_estimate": estimate.energy}
         if goal.quantity != "energy":
             stored |= {"goal": estimate.value, "goal_estimate": estimate.goal}
-        known = goal.known if self.exact is None or goal.known is not None else known_goal(goal, self.exact, scene)
+        known = (
+            goal.known
+            if self.exact is None or goal.known is not None
+            else known_goal(goal, self.exact, scene)
+        )
         if known is not None:
             stored["goal_error"] = abs(estimate.value - known)
             if stored["goal_error"] > 0.0:
@@ -122,23 +134,43 @@ class ErrorEstimator:
             self._halved = Halved(self.level, scene, self.scenes)
         found = goal_error(goal, self._halved, scene, problem, v, u)
         value, old = goal_value(goal, problem, self.level.line, v), self.before.get(index)
-        # What extrapolation has changed by: its error falls by about three from level to level, which leaves one half.
-        # The spread over the orders says the same of one level alone, so that the larger of both is enough.
+        # What extrapolation has changed by: its error falls by about three from level to level,
+        # which leaves one half. The spread over the orders says the same of one level alone, so
+        # that the larger of both is enough.
         drift = 0.5 * abs(found.limit - old.limit) if old else 0.0
         error = found.error + max(found.spread, drift)
-        # A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of sign hides more.
-        # The slip length jumps by cells, so that its error on one level says nothing of the next.
+        # A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of
+        # sign hides more. The slip length jumps by cells, so that its error on one level says
+        # nothing of the next.
         if old and goal.quantity != "slip_length":
             error = max(error, LEAST_ERROR * abs(old.limit - old.value) * old.n_dof / n_dof)
         # A goal may not feel the solution, for example u_T where the body sticks.
         shares = found.shares if np.any(found.shares) else squares
-        return Estimate(n_dof, energy, _ratio(error, abs(value)), shares, value, found.limit, error, found.hidden)
+        return Estimate(
+            n_dof,
+            energy,
+            _ratio(error, abs(value)),
+            shares,
+            value,
+            found.limit,
+            error,
+            found.hidden,
+        )
 
-    def energy_squares(self, scene: Scene, problem: ContactProblem, v: Array, u: Array) -> tuple[Array, float]:
-        """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution v (m,) with the displacement u (2n,)."""
+    def energy_squares(
+        self, scene: Scene, problem: ContactProblem, v: Array, u: Array
+    ) -> tuple[Array, float]:
+        """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution v (m,) with the
+        displacement u (2n,)."""
         level = self.level
-        theta = level.temperature(scene).theta if scene.material.expands else np.zeros(level.mesh.n_points)
-        friction = contact_traction(level.mesh, level.line, scene.friction, v, problem.xi(v) / level.line.c, u)
+        theta = (
+            level.temperature(scene).theta
+            if scene.material.expands
+            else np.zeros(level.mesh.n_points)
+        )
+        friction = contact_traction(
+            level.mesh, level.line, scene.friction, v, problem.xi(v) / level.line.c, u
+        )
         self._pieces = self._pieces or pieces_of(level.mesh, scene)
         return energy_squares(self._pieces, u, theta, scene, friction)
 
@@ -150,12 +182,15 @@ class ErrorEstimator:
         return max((e.error for e in self.estimates.values()), default=math.nan)
 
     def stop(self, last: bool) -> str:
-        """Why refinement ends on this level, in words; empty if it goes on. last: there may be no further level."""
+        """Why refinement ends on this level, in words; empty if it goes on. last: there may be no
+        further level."""
         plan, error = self.plan, self.error
         if math.isnan(error):
             return "no point was solved, so nothing says what to refine"
         reached = f"{plan.goal.kind} relative error {error:.2g} of {plan.goal.quantity}"
-        compared = plan.goal.quantity == "energy" or (bool(self.before) and self.level.mesh.level >= COMPARED)
+        compared = plan.goal.quantity == "energy" or (
+            bool(self.before) and self.level.mesh.level >= COMPARED
+        )
         if plan.tolerance is not None and error <= plan.tolerance and (compared or last):
             return f"tolerance {plan.tolerance:g} met: {reached}"
         # without load, say: shares of rounding would refine one place for ever
@@ -169,14 +204,18 @@ class ErrorEstimator:
         n_dof = self.level.frames.n_dof
         most = self._halved.level.frames.n_dof if self._halved else n_dof
         if plan.open_ended and most > plan.max_dofs:
-            where = f"{n_dof} dofs" + (f" ({most} where its error was estimated)" if most > n_dof else "")
+            where = f"{n_dof} dofs" + (
+                f" ({most} where its error was estimated)" if most > n_dof else ""
+            )
             return f"{missed}{reached} at {where}, more than max_dofs"
         return ""
 
     def shares(self) -> Array:
-        """(t,) what each triangle contributes to the relative error of the point that it is most important to.
+        """(t,) what each triangle contributes to the relative error of the point that it is most
+        important to.
 
-        With a tolerance, points that meet it do not count. What end cells hide comes on top (`hidden`).
+        With a tolerance, points that meet it do not count. What end cells hide comes on top
+        (`hidden`).
         """
         return np.asarray(np.max([e.shares for e in self._missing()], axis=0))
 
@@ -191,16 +230,20 @@ class ErrorEstimator:
         return [e for e in found if e.error > (self.plan.tolerance or 0.0)] or found
 
     def aim(self) -> float:
-        """What the next mesh is to leave of the sum of all shares, if each falls by half where its triangle is cut: one
-        step with the study's marking, or several with the tolerance of a goal, whose estimate is several times as dear
-        as a solution, but no less than a tolerance needs (in the energy norm shares are squares).
+        """What the next mesh is to leave of the sum of all shares, if each falls by half where its
+        triangle is cut: one step with the study's marking, or several with the tolerance of a goal,
+        whose estimate is several times as dear as a solution, but no less than a tolerance needs
+        (in the energy norm shares are squares).
         """
         asked, one = self.plan.tolerance, 1.0 - 0.5 * self.plan.marking
         if asked is None or not asked < self.error < math.inf:
             return one
         if self.plan.goal.quantity == "energy":
             return max(one, min(1.0 - 0.5 * LEAST_MARKING, (asked / self.error) ** 2))
-        return max(one ** STEPS[self.plan.goal.quantity], min(1.0 - 0.5 * LEAST_MARKING, asked / self.error))
+        return max(
+            one ** STEPS[self.plan.goal.quantity],
+            min(1.0 - 0.5 * LEAST_MARKING, asked / self.error),
+        )
 
 
 def marked(shares: Array, fraction: float) -> NDArray[np.bool_]:
@@ -214,12 +257,15 @@ def marked(shares: Array, fraction: float) -> NDArray[np.bool_]:
 
 
 STEPS = {"friction_resultant": 5, "u_T": 3, "slip_length": 3}
-"""Steps of the study's marking that one estimate of a goal is made to last for, a compromise of few levels and small
-meshes: with five, u_T and slip lengths end on meshes a half to twice as large again (tests.benchmarks.tolerances)."""
+"""Steps of the study's marking that one estimate of a goal is made to last for, a compromise of few
+levels and small meshes: with five, u_T and slip lengths end on meshes a half to twice as large
+again (tests.benchmarks.tolerances)."""
 COMPARED = 2
-"""First level on which the tolerance of a goal may be met: on coarser meshes two solutions may miss the same fronts."""
+"""First level on which the tolerance of a goal may be met: on coarser meshes two solutions may miss
+the same fronts."""
 LEAST_MARKING = 0.1
-"""Smallest share of the error that a step refines for: steps cost a solution each, however few triangles they add."""
+"""Smallest share of the error that a step refines for: steps cost a solution each, however few
+triangles they add."""
 LEAST_ERROR = 1.0 / 3.0
 """Smallest error that is believed, over what the level before lets expect."""
 
@@ -235,12 +281,16 @@ ROUNDS = 12
 """Bisections of one place from level to level at most."""
 
 
-def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden: Hidden) -> PlaneMesh:
-    """The mesh, one level on, bisected where the shares (t,) are large until their sum should be `aim` times as much.
+def bisected(
+    mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden: Hidden
+) -> PlaneMesh:
+    """The mesh, one level on, bisected where the shares (t,) are large until their sum should be
+    `aim` times as much.
 
-    Each round marks triangles for the fraction `marking` of the sum, or for as much as is still needed. A part gets
-    what smooth solutions leave it, share·(area ratio)², so that few triangles with much of the error, at a held end of
-    Γ_C or at a front, are cut several times on the way to one level. What end cells hide goes with their lengths.
+    Each round marks triangles for the fraction `marking` of the sum, or for as much as is still
+    needed. A part gets what smooth solutions leave it, share·(area ratio)², so that few triangles
+    with much of the error, at a held end of Γ_C or at a front, are cut several times on the way to
+    one level. What end cells hide goes with their lengths.
     """
     total, level, elapsed = math.nan, mesh.level + 1, 0.0
     for _ in range(ROUNDS):
@@ -264,8 +314,8 @@ ENOUGH = 1.05
 
 
 class Family(Meshes):
-    """The meshes of one run, each of an adaptive family after the estimates on the one before and from nothing else, so
-    that a run that is resumed comes to the same meshes.
+    """The meshes of one run, each of an adaptive family after the estimates on the one before and
+    from nothing else, so that a run that is resumed comes to the same meshes.
     """
 
     def __init__(self, study: Study) -> None:
@@ -275,17 +325,21 @@ class Family(Meshes):
         self._estimator: ErrorEstimator | None = None
 
     def next(self, level: int) -> PlaneMesh:
-        """The mesh of a level, after those of all levels before. Raises GeometryFailed if the mesher fails."""
+        """The mesh of a level, after those of all levels before. Raises GeometryFailed if the
+        mesher fails."""
         plan, estimator = self._study.mesh, self._estimator
         if not plan.strategy.adapts or level == 0:
             return super().next(level)
         assert self.mesh is not None
         assert estimator is not None
-        self.mesh = bisected(self.mesh, estimator.shares(), estimator.aim(), plan.marking, estimator.hidden())
+        self.mesh = bisected(
+            self.mesh, estimator.shares(), estimator.aim(), plan.marking, estimator.hidden()
+        )
         return self.mesh
 
     def estimator(self, level: Level) -> ErrorEstimator | None:
-        """An estimator of the errors of a level's solutions; None if the study estimates no errors."""
+        """An estimator of the errors of a level's solutions; None if the study estimates no
+        errors."""
         study = self._study
         if not study.mesh.estimates:
             return None

@@ -1,32 +1,46 @@
 """Numbers that a study is after: fronts, how errors carry over to a number, what end cells hide.
 
-A goal J is linear in (ξ, u_T) near a solution. With the sticking nodes S held and the slipping ones F on their piece of
-b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl̃:
+A goal J is linear in (ξ, u_T) near a solution. With the sticking nodes S held and the slipping ones
+F on their piece of b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl̃:
 
     z_S = a_S,   (Ã_FF + C b′) z_F = w_F + C b′ a_F − Ã_FS a_S,
 
-and J(u) − J(u_h) = a(u − u_h, z − z_h) to first order, z extended into the body without load (dual weighted residual):
-where to refine; how large the error is, see goal_error.py. The slip length is no differentiable function of the
-solution as the sum of slipping cells; its dual problem is that of the fronts' positions within their cells, which are.
+and J(u) − J(u_h) = a(u − u_h, z − z_h) to first order, z extended into the body without load (dual
+weighted residual): where to refine; how large the error is, see goal_error.py. The slip length is
+no differentiable function of the solution as the sum of slipping cells; its dual problem is that of
+the fronts' positions within their cells, which are.
 
 Fronts:     |u_T − s_k| ~ r^{3/2} at the distance r from a front, s_k the kink that the sticking nodes rest on
-            (Williams' exponents with u_N = 0 are ½, 3/2, …, and r^{1/2} would break the bound), so that |u_T −
-            s_k|^{2/3} is linear and the front lies where the line through two slipping nodes is zero. The node next to
-            it carries the front's own discretisation error and is left out where there are two more. On uniform meshes
-            it lies (0.10 ± 0.03) h inside the sticking side of the true one (25 positions of a closed form); the nodal
-            one is off by up to h/2. Beside a held node of given u_T = s_k a zone shorter than the cell may stick
-            although no node does: if the same line is zero inside the cell, there is a front; its place is a guess
+            (Williams' exponents with u_N = 0 are ½, 3/2, …, and r^{1/2} would break the bound), so
+            that |u_T −
+            s_k|^{2/3} is linear and the front lies where the line through two slipping nodes is
+            zero. The node next to
+            it carries the front's own discretisation error and is left out where there are two
+            more. On uniform meshes
+            it lies (0.10 ± 0.03) h inside the sticking side of the true one (25 positions of a
+            closed form); the nodal
+            one is off by up to h/2. Beside a held node of given u_T = s_k a zone shorter than the
+            cell may stick
+            although no node does: if the same line is zero inside the cell, there is a front; its
+            place is a guess
 Held ends:  from a held node with its given slip s₀ to the next node with v₁, u_T takes every value between, but the
-            cell has one ξ₁/c₁ = b(v₁). Where |v₁| passes the length over which b falls, or friction turns, that is the
-            same on all meshes too coarse to see it. Under an up-jump at s₀ a zone beside it sticks unless slip there is
-            driven by more than friction holds back (beside a clamp at 90° slip is r (A − C ln(1/r)) and turns at a
-            distance that A/C puts at any power of ten). So ξ/c is off in the cell by no more than max |b(s) − b(v₁)|
-            over s between s₀ and v₁, and over 0 put into [b⁻(s₀), b⁺(s₀)], and |δJ| ≤ ½ (|a| + |a − z₁|) · most ·
+            cell has one ξ₁/c₁ = b(v₁). Where |v₁| passes the length over which b falls, or friction
+            turns, that is the
+            same on all meshes too coarse to see it. Under an up-jump at s₀ a zone beside it sticks
+            unless slip there is
+            driven by more than friction holds back (beside a clamp at 90° slip is r (A − C ln(1/r))
+            and turns at a
+            distance that A/C puts at any power of ten). So ξ/c is off in the cell by no more than
+            max |b(s) − b(v₁)|
+            over s between s₀ and v₁, and over 0 put into [b⁻(s₀), b⁺(s₀)], and |δJ| ≤ ½ (|a| + |a −
+            z₁|) · most ·
             width; the slip length lacks the width besides
 Left out:   fronts that a jump of the data or a corner holds in place have other exponents. Where the slip does not grow
-            away from a front, or only one node slips, the middle of the cell stands. Traction at a corner itself, which
+            away from a front, or only one node slips, the middle of the cell stands. Traction at a
+            corner itself, which
             displacements that grow along a side beside a sticking zone may give it
-Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of Variational
+Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of
+Variational
             Inequalities by Adaptive Finite Elements (2008) for contact
 """
 
@@ -98,7 +112,8 @@ def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFro
         slip = v - own.kinks[kink]
         nodes, at = _beyond(line, i, towards, stick, slip)
         width = at[0]
-        # beside a held node the nearest two: slip like r^λ, λ < 3/2, gives a zero outside the body, and no front
+        # beside a held node the nearest two: slip like r^λ, λ < 3/2, gives a zero outside the body,
+        # and no front
         some = 2 if hidden[i] else len(nodes)
         zero = _zero(at[:some], nodes[:some], slip)
         if hidden[i]:
@@ -113,24 +128,34 @@ def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFro
     return found
 
 
-def _beyond(line: ContactLine, i: int, towards: int, stick: Flags, slip: Array) -> tuple[list[int], list[float]]:
-    """Up to three nodes that slip one way from segment i on, along the line (towards = 1) or against it, and how far
-    they are from the node before them all.
+def _beyond(
+    line: ContactLine, i: int, towards: int, stick: Flags, slip: Array
+) -> tuple[list[int], list[float]]:
+    """Up to three nodes that slip one way from segment i on, along the line (towards = 1) or
+    against it, and how far they are from the node before them all.
     """
     nodes, at, ends, inner = list[int](), list[float](), line.unknowns, 1 if towards > 0 else 0
     while True:
         node = int(ends[i, inner])
-        if node == HELD or stick[node] or (nodes and slip[node] * slip[nodes[0]] <= 0.0) or len(nodes) == 3:
+        if (
+            node == HELD
+            or stick[node]
+            or (nodes and slip[node] * slip[nodes[0]] <= 0.0)
+            or len(nodes) == 3
+        ):
             return nodes, at
         nodes.append(node)
         at.append((at[-1] if at else 0.0) + float(line.lengths[i]))
         i += towards
-        if not (0 <= i < len(ends) and line.segments[i - towards, inner] == line.segments[i, 1 - inner]):
+        if not (
+            0 <= i < len(ends) and line.segments[i - towards, inner] == line.segments[i, 1 - inner]
+        ):
             return nodes, at
 
 
 def slip_length(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[float, float]:
-    """Length of Γ_C that does not stick, fronts taken where they are found within their cells, and their doubt [m]."""
+    """Length of Γ_C that does not stick, fronts taken where they are found within their cells, and
+    their doubt [m]."""
     found = fronts(line, problem, v)
     nodal = float(problem.c[~problem.law.sticking(v)].sum())
     return nodal + sum(front.more for front in found), sum(front.doubt for front in found)
@@ -144,8 +169,11 @@ def slopes(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     return w
 
 
-def _zero(at: list[float], nodes: list[int], slip: Array) -> tuple[float, tuple[int, int], tuple[float, float]] | None:
-    """Where |slip|^{2/3} through the two farthest nodes is zero, the nodes, minus its derivatives; None if it falls."""
+def _zero(
+    at: list[float], nodes: list[int], slip: Array
+) -> tuple[float, tuple[int, int], tuple[float, float]] | None:
+    """Where |slip|^{2/3} through the two farthest nodes is zero, the nodes, minus its derivatives;
+    None if it falls."""
     if len(nodes) < 2:
         return None
     (p, q), (r_p, r_q) = nodes[-2:], at[-2:]
@@ -153,7 +181,11 @@ def _zero(at: list[float], nodes: list[int], slip: Array) -> tuple[float, tuple[
     if y_q <= y_p:
         return None
     rise = (r_q - r_p) * y_p * y_q / ((y_q - y_p) ** 2 * EXPONENT)
-    return float(r_p - y_p * (r_q - r_p) / (y_q - y_p)), (p, q), (float(rise / slip[p]), float(-rise / slip[q]))
+    return (
+        float(r_p - y_p * (r_q - r_p) / (y_q - y_p)),
+        (p, q),
+        (float(rise / slip[p]), float(-rise / slip[q])),
+    )
 
 
 def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> float:
@@ -180,10 +212,11 @@ def point_weights(line: ContactLine, at: Point) -> Array:
 
 
 def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) friction that ∫ξ misses on the segments of Γ_C between a held node and a sticking one [N/m].
+    """(s,) friction that ∫ξ misses on the segments of Γ_C between a held node and a sticking one
+    [N/m].
 
-    ξ_i of a sticking node is what its hat function sees, ½ t·width less than the traction t carries there. A slipping
-    node's cell c_i reaches up to the held node.
+    ξ_i of a sticking node is what its hat function sees, ½ t·width less than the traction t carries
+    there. A slipping node's cell c_i reaches up to the held node.
     """
     stick, xi = problem.law.sticking(v), problem.xi(v)
     own = line.unknowns
@@ -195,11 +228,13 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 
 
 def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) half of what b does between the slips of two neighbours that its chord does not say, times the cell [N/m].
+    """(s,) half of what b does between the slips of two neighbours that its chord does not say,
+    times the cell [N/m].
 
-    A jump counts as it is: such a front rests on a node wherever the load would have it, so that ∫ξ is known to a cell
-    there. So does a fall from a sticking node to one that has passed it all, and a turn of the slip from one node to
-    the next. Bends between nodes close to each other leave O(h²).
+    A jump counts as it is: such a front rests on a node wherever the load would have it, so that ∫ξ
+    is known to a cell there. So does a fall from a sticking node to one that has passed it all, and
+    a turn of the slip from one node to the next. Bends between nodes close to each other leave
+    O(h²).
     """
     own = line.unknowns
     low, high = np.sort(v[own], axis=1).T
@@ -217,25 +252,29 @@ def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 
 
 def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) how far apart the laws of two neighbours are at the slip there, where the law steps along Γ_C [Pa].
+    """(s,) how far apart the laws of two neighbours are at the slip there, where the law steps
+    along Γ_C [Pa].
 
-    A step is more than twice what it is on both sides of it: strength that varies smoothly changes from cell to cell by
-    about the same. Nodes that stick carry what the body asks for, not b. Where edges meet the cell of the node has its
-    parts of both laws, and nothing steps.
+    A step is more than twice what it is on both sides of it: strength that varies smoothly changes
+    from cell to cell by about the same. Nodes that stick carry what the body asks for, not b. Where
+    edges meet the cell of the node has its parts of both laws, and nothing steps.
     """
     law, own = problem.law, line.unknowns
     if law.one:
         return np.zeros(len(own))
     (p, q), slips = own.T, ~law.sticking(v)
     slip = np.where(slips[p], v[p], v[q])
-    known = (own.min(axis=1) >= 0) & (slips[p] | slips[q]) & ~np.isin(own, line.joints.node).any(axis=1)
+    known = (
+        (own.min(axis=1) >= 0) & (slips[p] | slips[q]) & ~np.isin(own, line.joints.node).any(axis=1)
+    )
     apart = np.where(known, np.abs(law.of_nodes(p).b(slip) - law.of_nodes(q).b(slip)), 0.0)
     beside = np.maximum(np.append(0.0, apart[:-1]), np.append(apart[1:], 0.0))
     return np.where(apart > 2.0 * beside, apart, 0.0)
 
 
 def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
-    """z (m,), the change of J with the condensed load. Raises LinAlgError at a turning point of the solution."""
+    """z (m,), the change of J with the condensed load. Raises LinAlgError at a turning point of the
+    solution."""
     a, w = np.full(line.m, weight_of_friction(goal)), np.zeros(line.m)
     if goal.at is not None:
         w = point_weights(line, goal.at)
@@ -253,11 +292,15 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
 
 
 ROUNDINGS = 8.0 * float(np.finfo(float).eps)
-"""Distance from a kink, over the largest displacement of the body, at which a given slip is still on it."""
+"""Distance from a kink, over the largest displacement of the body, at which a given slip is still
+on it."""
 
 
-def hidden_effects(goal: Goal, line: ContactLine, problem: ContactProblem, v: Array, u: Array, z: Array) -> Array:
-    """(s,) the most that the end cells of a solution v (m,), u (2n,) may change of J, with the dual solution z (m,)."""
+def hidden_effects(
+    goal: Goal, line: ContactLine, problem: ContactProblem, v: Array, u: Array, z: Array
+) -> Array:
+    """(s,) the most that the end cells of a solution v (m,), u (2n,) may change of J, with the dual
+    solution z (m,)."""
     found = np.zeros(len(line.segments))
     if not len(problem.law.kinks):
         return found
@@ -273,20 +316,31 @@ def hidden_effects(goal: Goal, line: ContactLine, problem: ContactProblem, v: Ar
         if stick[node] and given == v[node]:
             continue  # the zone is seen
         between = (law.kinks > min(given, v[node])) & (law.kinks < max(given, v[node]))
-        values = [*law.b_left[between], *law.b_right[between], float(law.b(given, 1 if v[node] > given else -1))]
+        values = [
+            *law.b_left[between],
+            *law.b_right[between],
+            float(law.b(given, 1 if v[node] > given else -1)),
+        ]
         rests = (law.kinks == given) & (law.kinds == UP)
-        values += [float(np.clip(0.0, law.b_left[k], law.b_right[k])) for k in np.flatnonzero(rests)]
+        values += [
+            float(np.clip(0.0, law.b_left[k], law.b_right[k])) for k in np.flatnonzero(rests)
+        ]
         most = float(np.max(np.abs(np.array(values) - traction[node])))
         found[i] = 0.5 * (abs(a) + abs(a - float(z[node]))) * most * width[i]
         # a hidden zone may stick
-        if goal.quantity == "slip_length" and most > 0.0 and np.any(rests | (between & (law.kinds == UP))):
+        if (
+            goal.quantity == "slip_length"
+            and most > 0.0
+            and np.any(rests | (between & (law.kinds == UP)))
+        ):
             found[i] += width[i]
     return found
 
 
 Hidden = list[tuple[int, int, float]]
-"""Parts of an error that end cells hide, for marking, as they shrink with the length of their cell: held mesh nodes,
-curves of the boundary on which their cells lie, and parts over the lengths of the cells [1/m]."""
+"""Parts of an error that end cells hide, for marking, as they shrink with the length of their cell:
+held mesh nodes, curves of the boundary on which their cells lie, and parts over the lengths of the
+cells [1/m]."""
 
 
 def hidden_on(mesh: PlaneMesh, line: ContactLine, parts: Array) -> Hidden:
@@ -301,6 +355,8 @@ def hidden_shares(mesh: PlaneMesh, hidden: Hidden) -> Array:
     """(t,) the parts at the triangles that have the cells now, on a mesh refined since."""
     found = np.zeros(len(mesh.segments))
     for node, curve, density in hidden:
-        cell = np.flatnonzero((mesh.segments == node).any(axis=1) & (mesh.segment_curve == curve))[0]
+        cell = np.flatnonzero((mesh.segments == node).any(axis=1) & (mesh.segment_curve == curve))[
+            0
+        ]
         found[cell] += density * mesh.boundary.length[cell]
     return mesh.from_segments(found)

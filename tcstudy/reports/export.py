@@ -2,26 +2,28 @@
 
 Fields: every sweep point's body (VTU) and contact line (VTP), and one PVD for the sweep.
 
-The body has the displacement u and the temperature theta at its nodes, as stored, and in its triangles, where the
-strain ε of P1 elements is constant,
+The body has the displacement u and the temperature theta at its nodes, as stored, and in its
+triangles, where the strain ε of P1 elements is constant,
 
     σ = cε − βθI (eq. (3) of the paper, θ the mean of the corners),   w = ½ σ : c⁻¹ σ,   von Mises' stress √(3/2 s : s)
 
-with σ_zz = λ tr ε − βθ in plane strain and 0 in plane stress; c, β are those of the point. The contact line has u_T,
-xi = −S_T, c and what every node does. Time in the PVD is the number of the point in the sweep, in the order of the
-file; parameters stand in the names and, in full, in the field data of every file.
+with σ_zz = λ tr ε − βθ in plane strain and 0 in plane stress; c, β are those of the point. The
+contact line has u_T, xi = −S_T, c and what every node does. Time in the PVD is the number of the
+point in the sweep, in the order of the file; parameters stand in the names and, in full, in the
+field data of every file.
 
 Left out: jumps of the stress between elements (no averaging); the ends of a line without unknown.
 
-The XML format of VTK 1.0 with compressed arrays in base64 (docs.vtk.org, "VTK File Formats") needs three elements and
-one way to write an array; libraries that write more (vtk: 100 MB; meshio: no lines, no units of arrays, no collections)
-are needed to read the files, not to make them.
+The XML format of VTK 1.0 with compressed arrays in base64 (docs.vtk.org, "VTK File Formats") needs
+three elements and one way to write an array; libraries that write more (vtk: 100 MB; meshio: no
+lines, no units of arrays, no collections) are needed to read the files, not to make them.
 
-The table has a row a point and level, those of the file's `status`: of cost every family, solver and level, of a
-history every point and step; of a path rows are the vertices, of a fit the data. Every variable of the root that has a
-value a row is a column `name [unit]`, of one with several (by start, by solver) each is one. Numbers are written so
-that reading gives them back to the bit; flags are their words; what is missing is an empty field, or null.
-The object has every variable by its name, lists within lists along its dimensions.
+The table has a row a point and level, those of the file's `status`: of cost every family, solver
+and level, of a history every point and step; of a path rows are the vertices, of a fit the data.
+Every variable of the root that has a value a row is a column `name [unit]`, of one with several (by
+start, by solver) each is one. Numbers are written so that reading gives them back to the bit; flags
+are their words; what is missing is an empty field, or null. The object has every variable by its
+name, lists within lists along its dimensions.
 """
 
 from __future__ import annotations
@@ -41,11 +43,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import WARNINGS, check_writable, kind_of, reading, remarks_of, replace_file
-from tcstudy.data.reading import by_point, each_point, load_root, open_results, open_root, refuse_geometries
+from tcstudy.data.reading import (
+    by_point,
+    each_point,
+    load_root,
+    open_results,
+    open_root,
+    refuse_geometries,
+)
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.parts import Json, flag_words, plain
-from tcstudy.reports.picture import body_fields, contact_line, states_of, stored_study, stresses, von_mises
+from tcstudy.reports.picture import (
+    body_fields,
+    contact_line,
+    states_of,
+    stored_study,
+    stresses,
+    von_mises,
+)
 from tcstudy.reports.select_point import Value, labels_by_point, level_number, matching
 from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.histories import ContactState
@@ -70,24 +86,34 @@ class Exported:
     lacks: tuple[str, ...]
 
 
-def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Exported:
+def write_fields(
+    path: Path, folder: Path, point: Mapping[str, Value] | None = None, level: int = -1
+) -> Exported:
     """Write the fields of a run's points on one level into a folder; the PVD comes last.
 
     point: labels of swept parameters, only the points that have them;  level: −1 is the finest
 
-    Raises StoreError if `path` is no result file or a file cannot be written, DrawError for a point or level that
-    there is not, UsageError for a file of another kind.
+    Raises StoreError if `path` is no result file or a file cannot be written, DrawError for a point
+    or level that there is not, UsageError for a file of another kind.
     """
     if (kind := kind_of(path)) != "run":
-        raise UsageError(f"--vtu: {path} is a file of tcstudy {kind} and has no fields; name that of a run")
+        raise UsageError(
+            f"--vtu: {path} is a file of tcstudy {kind} and has no fields; name that of a run"
+        )
     with reading(path), open_results(path) as tree:
         root = tree.to_dataset()
         refuse_geometries(root.attrs, "--vtu")
         n = level_number(root, level)
         if f"level_{n}" not in tree.children:
-            raise UsageError(f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show")
+            raise UsageError(
+                f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show"
+            )
         group, study = tree[f"level_{n}"].to_dataset(), stored_study(root)
-        points, wanted, labels = each_point(root), matching(root, point or {}), labels_by_point(root)
+        points, wanted, labels = (
+            each_point(root),
+            matching(root, point or {}),
+            labels_by_point(root),
+        )
         units = {name: str(root[name].attrs.get("units", "1")) for name in labels}
         solved = by_point(root["status"], root)[:, n] == PointStatus.OK
         files: list[tuple[int, int, str, str]] = []
@@ -99,19 +125,33 @@ def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = N
         write_collection(pvd, files)
     lacks = []
     if "u_x" not in group:
-        lacks.append(f"the file has no fields of the body, so only contact lines were written; {HOW}")
+        lacks.append(
+            f"the file has no fields of the body, so only contact lines were written; {HOW}"
+        )
     elif study is None:
-        lacks.append("the study in the file cannot be read here (its geometry is elsewhere), so stresses are left out")
+        lacks.append(
+            "the study in the file cannot be read here (its geometry is elsewhere), so stresses are left out"
+        )
     if missing := int(np.count_nonzero(wanted & ~solved)):
-        lacks.append(f"{missing} of {np.count_nonzero(wanted)} points have no solution on level {n}")
+        lacks.append(
+            f"{missing} of {np.count_nonzero(wanted)} points have no solution on level {n}"
+        )
     return Exported(pvd, int(np.count_nonzero(wanted & solved)), tuple(lacks))
 
 
 def _write_point(
-    stem: str, folder: Path, i: int, point: list[tuple[str, float | str, str]], group: Any, scene: Scene | None
+    stem: str,
+    folder: Path,
+    i: int,
+    point: list[tuple[str, float | str, str]],
+    group: Any,
+    scene: Scene | None,
 ) -> Iterator[tuple[int, int, str, str]]:
     name, line = _file_name(f"{stem}_{i:04d}", point), contact_line(group)
-    about = [Values(key, label if isinstance(label, str) else np.array([label]), unit) for key, label, unit in point]
+    about = [
+        Values(key, label if isinstance(label, str) else np.array([label]), unit)
+        for key, label, unit in point
+    ]
 
     def stored(name: str, title: str = "") -> Values:
         return Values(title or name, group[name].values, str(group[name].attrs.get("units", "1")))
@@ -124,21 +164,35 @@ def _write_point(
         if scene is not None:
             sigma, energy = stresses(body, scene.material)
             pressure = stored("xi").units
-            cells += [Values("stress", sigma, pressure, SYMMETRIC), Values("von_mises", von_mises(sigma), pressure)]
+            cells += [
+                Values("stress", sigma, pressure, SYMMETRIC),
+                Values("von_mises", von_mises(sigma), pressure),
+            ]
             cells += [Values("energy_density", energy, "1" if pressure == "1" else "J m-3")]
             cells += [stored("region")] if "region" in group else []
         write_vtk(folder / f"{name}.vtu", body.xy, body.triangles, fields, cells, about)
         yield i, BODY, "body", f"{name}.vtu"
     sticks = group["sticks"].values == STICKS
-    states = states_of(None if scene is None else scene.friction, group, group["u_T"].values, sticks)
+    states = states_of(
+        None if scene is None else scene.friction, group, group["u_T"].values, sticks
+    )
     chains = [
-        np.append(np.arange(part.start, part.stop), [part.start] if line.closed(part) else []).astype(np.intp)
+        np.append(
+            np.arange(part.start, part.stop), [part.start] if line.closed(part) else []
+        ).astype(np.intp)
         for part in line.parts
     ]
-    forces = [str(one) for one in group.data_vars if one == SECTION.name or str(one).startswith(LAYER)]
+    forces = [
+        str(one) for one in group.data_vars if one == SECTION.name or str(one).startswith(LAYER)
+    ]
     names = ("u_T", "xi", *forces, "arclength", "c")
     fields = [*map(stored, names), Values("state", states)]
-    about.append(Values("state_meanings", ", ".join(f"{int(state)} {state.name.lower()}" for state in ContactState)))
+    about.append(
+        Values(
+            "state_meanings",
+            ", ".join(f"{int(state)} {state.name.lower()}" for state in ContactState),
+        )
+    )
     write_vtk(folder / f"{name}.vtp", np.column_stack([line.x, line.y]), chains, fields, (), about)
     yield i, LINE, "contact line", f"{name}.vtp"
 
@@ -154,7 +208,8 @@ def _file_name(start: str, point: list[tuple[str, float | str, str]]) -> str:
     return start
 
 
-# -- files of VTK ------------------------------------------------------------------------------------------------------
+# -- files of VTK
+# ------------------------------------------------------------------------------------------------------
 
 TRIANGLE = 5
 """VTK's number of a triangle with three nodes."""
@@ -184,13 +239,17 @@ def write_vtk(
     at_cells: Sequence[Values] = (),
     about: Sequence[Values] = (),
 ) -> None:
-    """Write a mesh (VTU) or lines (VTP), as the suffix says, replacing an old file in one step. Raises StoreError.
+    """Write a mesh (VTU) or lines (VTP), as the suffix says, replacing an old file in one step.
+    Raises StoreError.
 
     points: (n, 2) in the plane;  cells: (t, 3) triangles, or an array of points for each line
     about:  arrays of the file as a whole
     """
     joined, ends = np.concatenate([np.zeros(0), *cells]), np.cumsum([len(cell) for cell in cells])
-    ways = [Values("connectivity", joined.astype(np.int64)), Values("offsets", ends.astype(np.int64))]
+    ways = [
+        Values("connectivity", joined.astype(np.int64)),
+        Values("offsets", ends.astype(np.int64)),
+    ]
     kind, name, count = "PolyData", "Lines", "NumberOfLines"
     if path.suffix == ".vtu":
         kind, name, count = "UnstructuredGrid", "Cells", "NumberOfCells"
@@ -207,12 +266,16 @@ def write_vtk(
 
 
 def write_collection(path: Path, files: Sequence[tuple[int, int, str, str]]) -> None:
-    """Write the PVD of files by (time, part, name of the part, file beside it). Raises StoreError."""
+    """Write the PVD of files by (time, part, name of the part, file beside it). Raises
+    StoreError."""
     lines = "".join(
         f'<DataSet timestep="{time}" part="{part}" name={quoteattr(name)} file={quoteattr(file)}/>\n'
         for time, part, name, file in files
     )
-    _put(path, f'<VTKFile type="Collection" version="1.0">\n<Collection>\n{lines}</Collection>\n</VTKFile>\n')
+    _put(
+        path,
+        f'<VTKFile type="Collection" version="1.0">\n<Collection>\n{lines}</Collection>\n</VTKFile>\n',
+    )
 
 
 def _put(path: Path, text: str) -> None:
@@ -235,7 +298,8 @@ def _array(values: Values) -> str:
     head = f'type="{TYPES[array.dtype.str[1:]]}" Name={quoteattr(values.name)} NumberOfComponents="{k}"'
     head += f' NumberOfTuples="{len(array)}"'
     head += "".join(f' ComponentName{i}="{part}"' for i, part in enumerate(values.parts))
-    # one compressed block behind its header: blocks, size of a block, of the last one if it is shorter, compressed size
+    # one compressed block behind its header: blocks, size of a block, of the last one if it is
+    # shorter, compressed size
     raw = array.tobytes()
     packed = zlib.compress(raw, 6) if raw else b""
     header = np.array([1, len(raw), 0, len(packed)] if raw else [0, 0, 0], dtype="<u8").tobytes()
@@ -245,7 +309,8 @@ def _array(values: Values) -> str:
     return f'<DataArray {head} format="binary">\n{text}\n{unit * has}</DataArray>\n'
 
 
-# -- one table, or one object ------------------------------------------------------------------------------------------
+# -- one table, or one object
+# ------------------------------------------------------------------------------------------
 
 VALUES = 2**18
 """Values that are in memory at a time."""
@@ -258,8 +323,10 @@ LABELLED = ("start", "solver", "run")
 def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> int:
     """Write the table, replacing an old file in one step; returns its rows.
 
-    target: a .csv (RFC 4180, UTF-8, a header line), or a .json with one object: `title`, `kind`, `warnings`, `units` by
-            column, and `rows`, a list of objects, one a line, in which what is not finite is "inf", "-inf" or null
+    target: a .csv (RFC 4180, UTF-8, a header line), or a .json with one object: `title`, `kind`,
+    `warnings`, `units` by
+            column, and `rows`, a list of objects, one a line, in which what is not finite is "inf",
+            "-inf" or null
     point:  labels of swept parameters; only the points that have them
 
     Raises StoreError, DrawError, UsageError.
@@ -268,14 +335,21 @@ def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = No
         raise StoreError("; ".join(faults))
     kind, written, as_csv = kind_of(path), 0, target.suffix == ".csv"
     if point and kind in (*ROWS, "cost"):
-        raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+        raise UsageError(
+            f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out"
+        )
     with reading(path), open_root(path) as root:
         wanted = matching(root, point) if point else None
         dims = tuple(map(str, root["status"].dims)) if "status" in root else (ROWS[kind],)
         columns = _columns(root, dims)
         units = {name: str(one.attrs.get("units", "1")) for name, one in columns.items()}
         heads = [name if unit in ("", "1") else f"{name} [{unit}]" for name, unit in units.items()]
-        about = {"title": root.title, "kind": kind, "warnings": [*map(asdict, remarks_of(root.attrs))], "units": units}
+        about = {
+            "title": root.title,
+            "kind": kind,
+            "warnings": [*map(asdict, remarks_of(root.attrs))],
+            "units": units,
+        }
 
         def make(aside: Path) -> None:
             nonlocal written
@@ -284,9 +358,17 @@ def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = No
                     stream.write(f'{json.dumps(about, ensure_ascii=False)[:-1]}, "rows": [')
                 for frame in _frames(columns, {dim: root.sizes[dim] for dim in dims}, wanted):
                     if as_csv:
-                        frame.to_csv(stream, header=heads if written == 0 else False, index=False, lineterminator="\n")
+                        frame.to_csv(
+                            stream,
+                            header=heads if written == 0 else False,
+                            index=False,
+                            lineterminator="\n",
+                        )
                     else:
-                        rows = (dict(zip(units, row, strict=True)) for row in frame.itertuples(index=False, name=None))
+                        rows = (
+                            dict(zip(units, row, strict=True))
+                            for row in frame.itertuples(index=False, name=None)
+                        )
                         stream.write("\n" if written == 0 else ",\n")
                         stream.write(",\n".join(map(json_text, rows)))
                     written += len(frame)
@@ -300,15 +382,26 @@ def _columns(root: Any, dims: tuple[str, ...]) -> dict[str, Any]:
     """What has a value a row, in the order of the file, or several with a label each."""
     found = dict[str, Any]()
     for name, one in ((name, root.variables[name]) for name in (*root.coords, *root.data_vars)):
-        more = one.dims[-1] if len(one.dims) > 1 and one.dims[-1] in LABELLED and one.dims[-1] not in dims else None
+        more = (
+            one.dims[-1]
+            if len(one.dims) > 1 and one.dims[-1] in LABELLED and one.dims[-1] not in dims
+            else None
+        )
         if one.dims and {*one.dims} - {more} <= {*dims}:
             labels = root[more].values.tolist() if more else ()
-            found |= {f"{name}.{label}": one[..., i] for i, label in enumerate(labels)} if more else {str(name): one}
+            found |= (
+                {f"{name}.{label}": one[..., i] for i, label in enumerate(labels)}
+                if more
+                else {str(name): one}
+            )
     return found
 
 
-def _frames(columns: Mapping[str, Any], sizes: Mapping[str, int], wanted: Any) -> Iterator[pandas.DataFrame]:
-    """Rows in C order of their index, some thousand at a time; the last dimension of a run's is the level."""
+def _frames(
+    columns: Mapping[str, Any], sizes: Mapping[str, int], wanted: Any
+) -> Iterator[pandas.DataFrame]:
+    """Rows in C order of their index, some thousand at a time; the last dimension of a run's is the
+    level."""
     import pandas
 
     (first, count), (*_, last) = next(iter(sizes.items())), sizes.values()
@@ -316,7 +409,11 @@ def _frames(columns: Mapping[str, Any], sizes: Mapping[str, int], wanted: Any) -
     step = max(1, VALUES // len(columns) // inner)
     for start in range(0, count, step):
         shape, cut = {**sizes, first: min(step, count - start)}, {first: slice(start, start + step)}
-        kept = slice(None) if wanted is None else np.repeat(wanted, last)[start * inner : (start + step) * inner]
+        kept = (
+            slice(None)
+            if wanted is None
+            else np.repeat(wanted, last)[start * inner : (start + step) * inner]
+        )
         parts = {name: one.isel(cut, missing_dims="ignore") for name, one in columns.items()}
         frame = pandas.DataFrame({name: _cells(one, shape, kept) for name, one in parts.items()})
         if len(frame):
@@ -331,9 +428,12 @@ def _cells(one: Any, shape: Mapping[str, int], kept: Any) -> Any:
 
 
 def brief(path: Path) -> dict[str, Json]:
-    """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
+    """The object that --json prints; its `verdict` is the sentence of --quiet. Raises
+    StoreError."""
     kind, data = kind_of(path), load_root(path)
-    told = {name: plain(value) for name, value in data.attrs.items() if name not in ("title", WARNINGS)}
+    told = {
+        name: plain(value) for name, value in data.attrs.items() if name not in ("title", WARNINGS)
+    }
     every = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
     values = {name: one for name, one in every if "node" not in one.dims}
     return {
@@ -343,7 +443,9 @@ def brief(path: Path) -> dict[str, Json]:
         "warnings": [*map(asdict, remarks_of(data.attrs))],
         "verdict": verdict_of(path)[0],
         "attributes": told,
-        "units": {name: str(one.attrs["units"]) for name, one in values.items() if "units" in one.attrs},
+        "units": {
+            name: str(one.attrs["units"]) for name, one in values.items() if "units" in one.attrs
+        },
         "dimensions": {name: one.dims for name, one in values.items()},
         "values": {name: flag_words(one, one.values).tolist() for name, one in values.items()},
     }

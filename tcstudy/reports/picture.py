@@ -1,6 +1,8 @@
-"""What one picture shows, read from a result file: plain arrays in the units of the file, and the study that is in it.
+"""What one picture shows, read from a result file: plain arrays in the units of the file, and the
+study that is in it.
 
-Every result file has the text of its study. Where it can be read again, pictures and pages can say what an edge does.
+Every result file has the text of its study. Where it can be read again, pictures and pages can say
+what an edge does.
 """
 
 from __future__ import annotations
@@ -62,8 +64,8 @@ class LineFields:
     def parts(self) -> list[slice]:
         """Ranges of nodes along which the line goes straight on.
 
-        Between two of them there is a gap or a corner without unknown: the nodes are then closer to each other
-        than their arclengths say, or farther apart.
+        Between two of them there is a gap or a corner without unknown: the nodes are then closer to
+        each other than their arclengths say, or farther apart.
         """
         chord = np.hypot(np.diff(self.x), np.diff(self.y))
         step = np.diff(self.arclength)
@@ -73,14 +75,19 @@ class LineFields:
 
     @property
     def along_x(self) -> tuple[float, float] | None:
-        """(sign, x at s = 0) of a line that is straight along x, where x = x_0 ± s; None for any other."""
+        """(sign, x at s = 0) of a line that is straight along x, where x = x_0 ± s; None for any
+        other."""
         room, sign = NEAR * float(self.c.sum()), 1.0 if self.x[-1] > self.x[0] else -1.0
         start = self.x - sign * self.arclength
-        return (sign, float(start[0])) if max(np.ptp(self.y), np.ptp(start)) <= room and len(start) > 1 else None
+        return (
+            (sign, float(start[0]))
+            if max(np.ptp(self.y), np.ptp(start)) <= room and len(start) > 1
+            else None
+        )
 
     def beyond(self, part: slice) -> tuple[float, float]:
-        """What the segments of the outermost nodes of a part reach beyond them: nothing at a free end, a whole element
-        beside a held node [length_units].
+        """What the segments of the outermost nodes of a part reach beyond them: nothing at a free
+        end, a whole element beside a held node [length_units].
         """
         s, c = self.arclength[part], self.c[part]
         if len(s) == 1:
@@ -99,16 +106,23 @@ class LineFields:
         return (False, False) if alone else (abs(first) > room, abs(last) > room)
 
     def closed(self, part: slice) -> bool:
-        """True if the part is a ring: the segment of its first node reaches back to the last one, in a chord."""
+        """True if the part is a ring: the segment of its first node reaches back to the last one,
+        in a chord."""
         first, last = self.beyond(part)
-        chord = float(np.hypot(*(values[part][-1] - values[part][0] for values in (self.x, self.y))))
-        bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * float(np.ptp(self.arclength[part]))
+        chord = float(
+            np.hypot(*(values[part][-1] - values[part][0] for values in (self.x, self.y)))
+        )
+        bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * float(
+            np.ptp(self.arclength[part])
+        )
         return bent and max(abs(chord - first - last), abs(first - last)) <= NEAR * chord
 
     def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:
-        """Ends of intervals from the start of the part on, and the contact node that each interval belongs to.
+        """Ends of intervals from the start of the part on, and the contact node that each interval
+        belongs to.
 
-        They are the segments S_i; in a ring the first one comes in two halves, at the start and at the end.
+        They are the segments S_i; in a ring the first one comes in two halves, at the start and at
+        the end.
         """
         nodes, cells = np.arange(part.start, part.stop), self.cells(part)
         if not self.closed(part):
@@ -120,7 +134,8 @@ class LineFields:
 
 @dataclass(frozen=True)
 class BodyFields:
-    """The whole body: mesh (n nodes, t triangles), displacement [length units], temperature if there is one.
+    """The whole body: mesh (n nodes, t triangles), displacement [length units], temperature if
+    there is one.
 
     xy, u: (n, 2);  region: (t,) which material a triangle has, 0 for that of the body
     """
@@ -134,12 +149,14 @@ class BodyFields:
 
 
 ARC_POINTS, BESIDE = 24, 0.3
-"""Points of a drawn arc; part of its length that a side of the mesh may lie beside its edge, which bends."""
+"""Points of a drawn arc; part of its length that a side of the mesh may lie beside its edge, which
+bends."""
 
 
 @dataclass(frozen=True)
 class NamedEdge:
-    """An edge of the body: its role in a word, the loop that it belongs to (0 is the outline), its points (n, 2).
+    """An edge of the body: its role in a word, the loop that it belongs to (0 is the outline), its
+    points (n, 2).
 
     loaded: whether a traction acts on it
     """
@@ -186,8 +203,8 @@ class Picture:
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
     """Read what a picture of one point shows.
 
-    Raises StoreError if `path` is not a complete result file, DrawError if it does not hold the point or the
-    point was not solved.
+    Raises StoreError if `path` is not a complete result file, DrawError if it does not hold the
+    point or the point was not solved.
     """
     with open_results(path) as tree:
         root = tree.to_dataset()
@@ -207,30 +224,43 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             body=body_fields(group),
             edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
             sources=tuple(sources(study)),
-            held=np.append(group["held_u_T"].values if "held_u_T" in group else [], np.nan)[ends_held(line, group)],
+            held=np.append(group["held_u_T"].values if "held_u_T" in group else [], np.nan)[
+                ends_held(line, group)
+            ],
             scene=study.scenes[_place(root, where)] if study is not None else None,
         )
 
 
 def _place(root: Any, where: Mapping[str, int]) -> int:
     dims = sweep_dims(root)
-    return int(np.ravel_multi_index([where[d] for d in dims], [root.sizes[d] for d in dims])) if dims else 0
+    return (
+        int(np.ravel_multi_index([where[d] for d in dims], [root.sizes[d] for d in dims]))
+        if dims
+        else 0
+    )
 
 
-def _own_geometry(tree: Any, root: Any, where: Mapping[str, int]) -> tuple[Any, Any, dict[str, int]]:
-    """The part of a file that the geometry of a point has, its table, and the place of the point in it."""
+def _own_geometry(
+    tree: Any, root: Any, where: Mapping[str, int]
+) -> tuple[Any, Any, dict[str, int]]:
+    """The part of a file that the geometry of a point has, its table, and the place of the point in
+    it."""
     of, place = by_point(root["geometry"], root), _place(root, where)
     tree = tree[f"geometry_{of[place]}"]
     own = tree.to_dataset(inherit=False)
     dims = sweep_dims(own)
-    index = np.unravel_index(np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in dims])
+    index = np.unravel_index(
+        np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in dims]
+    )
     return tree, own, {dim: int(i) for dim, i in zip(dims, index, strict=True)}
 
 
 def stored_study(data: Any, swept: bool = True) -> Study | None:
-    """The study of a result file (its root dataset); None if its text cannot be read (a body's file may be gone).
+    """The study of a result file (its root dataset); None if its text cannot be read (a body's file
+    may be gone).
 
-    swept: with its points, of which each costs half a millisecond; else the one scene outside the sweep
+    swept: with its points, of which each costs half a millisecond; else the one scene outside the
+    sweep
     """
     text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
     told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
@@ -241,7 +271,8 @@ def stored_study(data: Any, swept: bool = True) -> Study | None:
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
-    """Which stored held end (data.schema.HELD) both ends of every part of the line are; −1 for none of them."""
+    """Which stored held end (data.schema.HELD) both ends of every part of the line are; −1 for none
+    of them."""
     if "held_arclength" not in group:
         return [(-1, -1)] * len(line.parts)
     stored, found = group["held_arclength"].values, []
@@ -249,13 +280,20 @@ def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
         cells, (first, last) = line.cells(part), line.held(part)
         room = NEAR * float(line.c.sum())
         begin, end = (np.flatnonzero(np.abs(stored - at) <= room) for at in (cells[0], cells[-1]))
-        # where two parts meet in one held corner, the end of the one is stored before the start of the other
-        found.append((int(begin[-1]) if first and len(begin) else -1, int(end[0]) if last and len(end) else -1))
+        # where two parts meet in one held corner, the end of the one is stored before the start of
+        # the other
+        found.append(
+            (
+                int(begin[-1]) if first and len(begin) else -1,
+                int(end[0]) if last and len(end) else -1,
+            )
+        )
     return found
 
 
 def contact_line(group: Any) -> LineFields:
-    """The contact line of a level or a path, with slip and traction of all points that the group is of."""
+    """The contact line of a level or a path, with slip and traction of all points that the group is
+    of."""
     N = group.get("section_force")
     return LineFields(
         **{name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")},
@@ -265,7 +303,9 @@ def contact_line(group: Any) -> LineFields:
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
         joints=joints_of(group),
-        section=None if N is None or np.isnan(N.values).any() else (N.values, str(N.attrs["units"])),
+        section=None
+        if N is None or np.isnan(N.values).any()
+        else (N.values, str(N.attrs["units"])),
     )
 
 
@@ -273,7 +313,10 @@ def body_fields(group: Any) -> BodyFields | None:
     """The fields of the whole body, None if the file has none for this point."""
     if not {"node_x", "triangle", "u_x", "u_y"} <= set(group.variables):
         return None
-    xy, u = (np.column_stack([group[name].values for name in pair]) for pair in (("node_x", "node_y"), ("u_x", "u_y")))
+    xy, u = (
+        np.column_stack([group[name].values for name in pair])
+        for pair in (("node_x", "node_y"), ("u_x", "u_y"))
+    )
     if not np.isfinite(u).all():
         return None
     triangles, theta = group["triangle"].values.astype(np.intp), group.get("theta")
@@ -284,12 +327,15 @@ def body_fields(group: Any) -> BodyFields | None:
         u=u,
         theta=theta.values if known else None,
         theta_units=str(theta.attrs["units"]) if theta is not None else "1",
-        region=group["region"].values if "region" in group else np.zeros(len(triangles), dtype=np.int8),
+        region=group["region"].values
+        if "region" in group
+        else np.zeros(len(triangles), dtype=np.int8),
     )
 
 
 def edge_laws(friction: Laws | EdgeLaws) -> tuple[tuple[str, Laws, Any], ...]:
-    """The laws with their edges and strengths, "" for the edge where friction is the same along the contact line."""
+    """The laws with their edges and strengths, "" for the edge where friction is the same along the
+    contact line."""
     return friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
 
 
@@ -300,8 +346,11 @@ def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:
     return law_along(friction, names, group["edge"].values, xy, joints_of(group))
 
 
-def states_of(friction: Laws | EdgeLaws | None, group: Any, u_T: Array, sticks: Any) -> NDArray[np.int8]:
-    """(…, m) ContactState of the nodes of a stored level; stick and slip alone where no law is known."""
+def states_of(
+    friction: Laws | EdgeLaws | None, group: Any, u_T: Array, sticks: Any
+) -> NDArray[np.int8]:
+    """(…, m) ContactState of the nodes of a stored level; stick and slip alone where no law is
+    known."""
     if friction is None:
         return np.where(sticks, ContactState.STICK, ContactState.SLIP).astype(np.int8)
     return np.asarray(node_states(law_of_nodes(friction, group), u_T, sticks))
@@ -315,7 +364,9 @@ def at_rest(study: Study | None) -> bool:
     """True if every held edge is held where it is, so that the slip is zero at a held end."""
     if study is None:
         return False
-    roles = {role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)}
+    roles = {
+        role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)
+    }
     return all(component in (None, 0.0) for role in roles for component in role.u)
 
 
@@ -328,12 +379,15 @@ def outline(study: Study | None) -> list[NamedEdge]:
         for edge in loop.edges if loop is not None else ():
             role = roles.get(edge.name)
             loaded = role is not None and any((*role.g, role.pressure, *role.force))
-            found.append(NamedEdge(edge.name, role.word if role else "free", number, _polyline(edge), loaded))
+            found.append(
+                NamedEdge(edge.name, role.word if role else "free", number, _polyline(edge), loaded)
+            )
     return found
 
 
 def contact_edges(line: LineFields, group: Any) -> list[NamedEdge]:
-    """The parts of a stored contact line, from held end to held end, under the names of their edges."""
+    """The parts of a stored contact line, from held end to held end, under the names of their
+    edges."""
     places, ends = np.column_stack([line.x, line.y]), np.zeros((0, 2))
     if "held_x" in group:
         ends = np.column_stack([group["held_x"].values, group["held_y"].values])
@@ -341,7 +395,9 @@ def contact_edges(line: LineFields, group: Any) -> list[NamedEdge]:
     for part, (first, last) in zip(line.parts, ends_held(line, group), strict=True):
         on, around = places[part], int(line.closed(part))
         way = np.concatenate([ends[first : first + 1], on, ends[last : last + 1], on[:around]])
-        names = dict.fromkeys(line.edge_names[k] for k in line.edge[part] if k < len(line.edge_names))
+        names = dict.fromkeys(
+            line.edge_names[k] for k in line.edge[part] if k < len(line.edge_names)
+        )
         found.append(NamedEdge(", ".join(names), "contact", 0, way))
     return found
 
@@ -360,24 +416,37 @@ def _polyline(edge: Edge) -> Array:
 
 
 def nearest(segments: Array, named: Sequence[NamedEdge]) -> NDArray[np.int8]:
-    """(k,) index of the named edge that each piece (k, 2, 2) of the rim lies on; −1 for none that is known."""
+    """(k,) index of the named edge that each piece (k, 2, 2) of the rim lies on; −1 for none that
+    is known."""
     if not named:
         return np.full(len(segments), -1, dtype=np.int8)
-    middles, lines = shapely.points(segments.mean(axis=1)), [shapely.LineString(edge.line) for edge in named]
+    middles, lines = (
+        shapely.points(segments.mean(axis=1)),
+        [shapely.LineString(edge.line) for edge in named],
+    )
     far = np.array([shapely.distance(middles, line) for line in lines])
     own = far.min(axis=0) < BESIDE * np.hypot(*(segments[:, 1] - segments[:, 0]).T)
     return np.where(own, np.argmin(far, axis=0), -1).astype(np.int8)
 
 
-# -- stresses: constant in triangles, as P1 elements have them; recovered ----------------------------------------------
+# -- stresses: constant in triangles, as P1 elements have them; recovered
+# ----------------------------------------------
 
 
 def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
-    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles [Pa, J/m³]."""
-    lam, mu, beta, nu, E = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])[body.region].T
+    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles
+    [Pa, J/m³]."""
+    lam, mu, beta, nu, E = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])[
+        body.region
+    ].T
     x, y = np.moveaxis(body.xy[body.triangles], -1, 0)
-    b, d = np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1), np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
-    twice = np.sum(x * b, axis=1)  # 2 × area; its sign goes with the order of the corners, as that of b and d
+    b, d = (
+        np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1),
+        np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1),
+    )
+    twice = np.sum(
+        x * b, axis=1
+    )  # 2 × area; its sign goes with the order of the corners, as that of b and d
     u, v = np.moveaxis(body.u[body.triangles], -1, 0)
     e_xx, e_yy = np.sum(u * b, axis=1) / twice, np.sum(v * d, axis=1) / twice
     e_xy = 0.5 * (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice
@@ -417,15 +486,20 @@ COMPONENTS: dict[str, tuple[str, Callable[[Array], Array]]] = {
 
 
 def recovered(body: BodyFields, material: Material) -> tuple[Array, float]:
-    """Stress (r, n, 6) at the nodes of each of the r regions, 0 elsewhere, and its estimated relative error in L².
+    """Stress (r, n, 6) at the nodes of each of the r regions, 0 elsewhere, and its estimated
+    relative error in L².
 
-    The stress of P1 elements jumps from triangle to triangle; σ* is the mean of those around a node, by their areas,
-    within one material, across which stresses may jump. The error is ‖σ* − σ_h‖ / ‖σ*‖ (Zienkiewicz and Zhu 1987).
+    The stress of P1 elements jumps from triangle to triangle; σ* is the mean of those around a
+    node, by their areas, within one material, across which stresses may jump. The error is ‖σ* −
+    σ_h‖ / ‖σ*‖ (Zienkiewicz and Zhu 1987).
     """
     sigma, corners, of = stresses(body, material)[0], body.triangles, body.region.astype(np.intp)
     a, b, c = body.xy[corners.T]
     area = 0.5 * np.abs(np.linalg.det(np.stack([b - a, c - a], axis=-1)))
-    mean, weight = np.zeros((of.max() + 1, len(body.xy), 6)), np.zeros((of.max() + 1, len(body.xy), 1))
+    mean, weight = (
+        np.zeros((of.max() + 1, len(body.xy), 6)),
+        np.zeros((of.max() + 1, len(body.xy), 1)),
+    )
     for corner in corners.T:
         np.add.at(mean, (of, corner), area[:, None] * sigma)
         np.add.at(weight, (of, corner), area[:, None])

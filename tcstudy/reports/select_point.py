@@ -24,8 +24,10 @@ CLOSE = 1e-3
 def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
     """Index along each sweep dimension of the point with the given labels.
 
-    point: value by name of the swept parameter or by its key path ("alpha" or "heat.alpha"); a text may be a label, a
-           number or a quantity ("20 K"), a list stands for the pair that the study has. A parameter that is left out
+    point: value by name of the swept parameter or by its key path ("alpha" or "heat.alpha"); a text
+    may be a label, a
+           number or a quantity ("20 K"), a list stands for the pair that the study has. A parameter
+           that is left out
            has its first value (in list mode, the first point that fits is taken).
 
     Raises DrawError for an unknown name, or a value or combination that there is not.
@@ -36,7 +38,8 @@ def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
 
 
 def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
-    """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`."""
+    """(points,) those that have all the given labels, in the order of the file. Raises DrawError as
+    `locate`."""
     wanted, dims = _by_name(data, point), sweep_dims(data)
     found = {name: _fits(name, data[name], value) for name, value in wanted.items()}
     fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
@@ -51,13 +54,15 @@ def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
 
 
 def parameter(data: Any, given: str) -> str:
-    """The name that a swept parameter has in the data, by that name, its key path or an end of it that is no other's;
-    raises DrawError.
+    """The name that a swept parameter has in the data, by that name, its key path or an end of it
+    that is no other's; raises DrawError.
     """
     names = axis_names(data)
     if given in names:
         return given
-    ends = [name for name in names if f".{data[name].attrs.get('long_name', '')}".endswith(f".{given}")]
+    ends = [
+        name for name in names if f".{data[name].attrs.get('long_name', '')}".endswith(f".{given}")
+    ]
     if len(ends) == 1:
         return ends[0]
     if not names:
@@ -68,15 +73,22 @@ def parameter(data: Any, given: str) -> str:
 def numbers_of(data: Any) -> list[str]:
     """Names of the numbers that a file has by sweep point and level, in its order."""
     dims = set(data["status"].dims)
-    numbers = [str(name) for name in data.data_vars if set(data[name].dims) == dims and data[name].dtype.kind in "fi"]
+    numbers = [
+        str(name)
+        for name in data.data_vars
+        if set(data[name].dims) == dims and data[name].dtype.kind in "fi"
+    ]
     return [name for name in numbers if "flag_values" not in data[name].attrs]
 
 
 def quantity(data: Any, given: str) -> str:
-    """The name of a number that the file has by sweep point and level; raises DrawError with those that it has."""
+    """The name of a number that the file has by sweep point and level; raises DrawError with those
+    that it has."""
     held = numbers_of(data)
     if given not in held:
-        raise DrawError(f"the file has no number {given!r} by point and level; {_has(given, held, 30)}")
+        raise DrawError(
+            f"the file has no number {given!r} by point and level; {_has(given, held, 30)}"
+        )
     return given
 
 
@@ -89,11 +101,15 @@ def _by_name(data: Any, point: Mapping[str, Value]) -> dict[str, Value]:
     return {name: point[given] for name, given in said.items()}
 
 
-def fitting(data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...]) -> tuple[NDArray[np.bool_], list[str]]:
-    """(which points of the sweep, in C order, have the given labels; the parameters that have one value, in words).
+def fitting(
+    data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...]
+) -> tuple[NDArray[np.bool_], list[str]]:
+    """(which points of the sweep, in C order, have the given labels; the parameters that have one
+    value, in words).
 
-    Parameters in `free` may have any value. In a grid all others have one, the first unless given; the points of a
-    list keep those that they have. Raises DrawError as `locate` does, and for a label given to a free parameter.
+    Parameters in `free` may have any value. In a grid all others have one, the first unless given;
+    the points of a list keep those that they have. Raises DrawError as `locate` does, and for a
+    label given to a free parameter.
     """
     wanted, fixed = _by_name(data, point or {}), []
     if twice := [name for name in wanted if name in free]:
@@ -110,14 +126,20 @@ def fitting(data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...])
 def labels_by_point(data: Any) -> dict[str, NDArray[Any]]:
     """(P,) labels of each swept parameter at all points of the sweep, in C order."""
     like = data["status"].isel(level=0)
-    return {name: data[name].broadcast_like(like).transpose(*like.dims).values.ravel() for name in axis_names(data)}
+    return {
+        name: data[name].broadcast_like(like).transpose(*like.dims).values.ravel()
+        for name in axis_names(data)
+    }
 
 
 def level_number(data: Any, level: int) -> int:
-    """The level from 0 on; negative ones are counted from the finest. Raises DrawError if there is none."""
+    """The level from 0 on; negative ones are counted from the finest. Raises DrawError if there is
+    none."""
     count = int(data.sizes["level"])
     if not -count <= level < count:
-        raise DrawError(f"the file has no level {level}; it has levels 0 to {count - 1}, and -1 is the finest")
+        raise DrawError(
+            f"the file has no level {level}; it has levels 0 to {count - 1}, and -1 is the finest"
+        )
     return level % count
 
 
@@ -150,7 +172,9 @@ def _stated(data: Any, name: str, place: int) -> str:
 
 def describe(data: Any, where: Mapping[str, int]) -> str:
     """The labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
-    return ", ".join(_stated(data, name, where[str(data[name].dims[0])]) for name in axis_names(data))
+    return ", ".join(
+        _stated(data, name, where[str(data[name].dims[0])]) for name in axis_names(data)
+    )
 
 
 def naming(data: Any) -> Callable[[tuple[int, ...]], str]:
@@ -163,11 +187,18 @@ def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
     held = axis.values
     if held.dtype.kind in "OUS":
         texts = [str(label) for label in held]
-        wanted = str(value) if isinstance(value, str | int | float) else f"[{', '.join(map(str, value))}]"
+        wanted = (
+            str(value)
+            if isinstance(value, str | int | float)
+            else f"[{', '.join(map(str, value))}]"
+        )
         if wanted not in texts:
             raise DrawError(f"no point has {name} = {wanted}; {_has(wanted, texts)}")
         return np.array([text == wanted for text in texts])
-    number_wanted, units = _as_number(name, value, str(axis.attrs["units"])), str(axis.attrs["units"])
+    number_wanted, units = (
+        _as_number(name, value, str(axis.attrs["units"])),
+        str(axis.attrs["units"]),
+    )
     distance = np.abs(held - number_wanted)
     nearest = held[np.argmin(distance)]
     if not abs(nearest - number_wanted) <= CLOSE * max(abs(number_wanted), abs(nearest)):
@@ -181,9 +212,14 @@ def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
 def _as_number(name: str, value: Any, units: str) -> float:
     with suppress(ValueError, TypeError):
         return float(value)
-    quantity, dimension = u.split_quantity(str(value)), next((d for d in u.DIMENSIONS if d.cf == units), None)
+    quantity, dimension = (
+        u.split_quantity(str(value)),
+        next((d for d in u.DIMENSIONS if d.cf == units), None),
+    )
     if quantity is None or dimension is None:
-        raise DrawError(f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}")
+        raise DrawError(
+            f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}"
+        )
     try:
         return u.to_si(*quantity, dimension)
     except u.UnitError as error:

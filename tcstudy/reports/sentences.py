@@ -1,8 +1,9 @@
-"""What reports say of results in words, and what must be true for it; first of a run: what slips, debonds or jumps
-where, what is proved and how exact it is, how much is solved.
+"""What reports say of results in words, and what must be true for it; first of a run: what slips,
+debonds or jumps where, what is proved and how exact it is, how much is solved.
 
-A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their words from here. That of
-a run reads the few variables that it speaks of, and of them only the last levels.
+A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their
+words from here. That of a run reads the few variables that it speaks of, and of them only the last
+levels.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SAME = 1e-9
-"""Relative difference of two energies that are one; part of the largest change of slips, or ∫ξ, that is none."""
+"""Relative difference of two energies that are one; part of the largest change of slips, or ∫ξ,
+that is none."""
 EQUAL = 1e-6
-"""Relative difference of the changes of two cycles that are equal; part of the slips below which they are settled."""
+"""Relative difference of the changes of two cycles that are equal; part of the slips below which
+they are settled."""
 SPENT = 1e-5
 """Relative difference of what two cycles dissipate that is none."""
 
@@ -53,19 +56,26 @@ VERDICTS = {
     "pre_asymptotic": "pre-asymptotic",
     "too_few_levels": "too few levels",
 }
-"""By data.tables.VERDICTS, whose conditions are those of study.convergence.verdict; no order is called slow where
-corners were not analysed or errors are rounding."""
+"""By data.tables.VERDICTS, whose conditions are those of study.convergence.verdict; no order is
+called slow where corners were not analysed or errors are rounding."""
 GUESS = "?"
 """Stands behind an order of two levels, whose own error nothing tells."""
 
 
 def percent(share: float) -> str:
     """A share that is known to one or two digits."""
-    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %" if share >= 1e-6 else f"{share:.1e}"
+    return (
+        f"{100 * share:.0f} %"
+        if share >= 0.1
+        else f"{100 * share:.2g} %"
+        if share >= 1e-6
+        else f"{share:.1e}"
+    )
 
 
 def answered(*sentences: Iterable[str]) -> str:
-    """What came out, how far it is to be trusted, how much of it there is: each a sentence of its parts."""
+    """What came out, how far it is to be trusted, how much of it there is: each a sentence of its
+    parts."""
     told = ["; ".join(filter(None, parts)) for parts in sentences]
     return " ".join(f"{one[0].upper()}{one[1:]}." for one in told if one)
 
@@ -73,18 +83,20 @@ def answered(*sentences: Iterable[str]) -> str:
 def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
     """The largest slip and where it is, and on how much of the contact line what happens.
 
-    lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty least is 0
+    lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty
+    least is 0
     """
     spans = [f"{what} on {f'lengths of {low} to {high}' if low and low != high else high if low else f'up to {high}'}"
              for what, (low, high) in lengths.items()]  # fmt: skip
     return ", ".join([f"largest slip {slip}{at}", *spans])
 
 
-# -- runs --------------------------------------------------------------------------------------------------------------
+# -- runs
+# --------------------------------------------------------------------------------------------------------------
 
 FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
-"""A step is abrupt where a line has so many points, it is so many times the median of the others and so large a part
-of the largest value of the whole line."""
+"""A step is abrupt where a line has so many points, it is so many times the median of the others
+and so large a part of the largest value of the whole line."""
 LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "yielded": "yielded"}
 """Lengths of the contact line of which the sentence speaks, by what happens there."""
 HOW = {
@@ -105,13 +117,18 @@ class RunSeen:
 
     def __init__(self, nc: Any) -> None:
         nc.set_auto_maskandscale(False)
-        self.nc, self.grid, self.levels = nc, nc.sweep_mode == "grid", int(nc.dimensions["level"].size)
+        self.nc, self.grid, self.levels = (
+            nc,
+            nc.sweep_mode == "grid",
+            int(nc.dimensions["level"].size),
+        )
         self.dims = tuple(dim for dim in nc["status"].dimensions if dim != "level")
         self.units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
         self.ok: Flags = np.asarray(self.take("status") == int(PointStatus.OK))
 
     def take(self, name: str, level: int = -1) -> NDArray[Any] | None:
-        """(*dims, …) values of a variable on one level, counted from the end; None if the file has none."""
+        """(*dims, …) values of a variable on one level, counted from the end; None if the file has
+        none."""
         if name not in self.nc.variables:
             return None
         return np.asarray(self.nc[name][(slice(None),) * len(self.dims) + (self.levels + level,)])
@@ -126,7 +143,10 @@ class RunSeen:
         home, where = "", dict(zip(self.dims, place, strict=True))
         if "geometry" in self.nc.variables:
             of = self.nc["geometry"][...]
-            home, where[OWN_POINT] = f"geometry_{of[place]}/", np.count_nonzero(of[: place[0]] == of[place])
+            home, where[OWN_POINT] = (
+                f"geometry_{of[place]}/",
+                np.count_nonzero(of[: place[0]] == of[place]),
+            )
         group = self.nc[f"{home}level_{self.levels - 1}"]
         xi = group["xi"][tuple(where[dim] for dim in group["xi"].dimensions[:-1])]
         return float(np.abs(xi) @ group["c"][...])
@@ -137,7 +157,8 @@ class RunSeen:
         return shown, pretty(unit)
 
     def labelled(self, place: Mapping[str, int]) -> list[str]:
-        """The labels of a point along axes with several values, "θ̄ = 12 K", "friction: brittle"."""
+        """The labels of a point along axes with several values, "θ̄ = 12 K", "friction:
+        brittle"."""
         found = []
         for name, i in ((name, i) for name, i in place.items() if self.nc[name].size > 1):
             (labels, unit), mark = self.shown(name), ": " if self.nc[name].dtype is str else " = "
@@ -146,7 +167,8 @@ class RunSeen:
 
 
 def run_verdict(nc: Any) -> tuple[str, str, bool]:
-    """The sentence of a run's open file, how the mesh error in it is known, and whether all points are solved."""
+    """The sentence of a run's open file, how the mesh error in it is known, and whether all points
+    are solved."""
     run = RunSeen(nc)
     ok, total, solved = run.ok, int(run.ok.size), int(run.ok.sum())
     unique, least = run.flag("unique"), int(run.flag("global_minimum").sum())
@@ -158,13 +180,23 @@ def run_verdict(nc: Any) -> tuple[str, str, bool]:
         most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
         trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
     count, complete = run.take("solutions"), run.take("complete")
-    trust += [all_equilibria(count[ok], complete[ok])] if count is not None and complete is not None else []
+    trust += (
+        [all_equilibria(count[ok], complete[ok])]
+        if count is not None and complete is not None
+        else []
+    )
     ambiguous = several_found(run, unique)
-    trust += [f"{int(ambiguous.sum())} with more than one solution found"] if ambiguous.any() else []
+    trust += (
+        [f"{int(ambiguous.sum())} with more than one solution found"] if ambiguous.any() else []
+    )
     error, how = mesh_error(run)
     stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
     trust += [error, stop.partition(":")[0] if " not met:" in stop else ""]
-    bad = np.count_nonzero(nc["heat_status"][...] == UNBALANCED) if "heat_status" in nc.variables else 0
+    bad = (
+        np.count_nonzero(nc["heat_status"][...] == UNBALANCED)
+        if "heat_status" in nc.variables
+        else 0
+    )
     trust += [f"heat balance missed at {bad}"] if bad else []
     answer = [_answer(run), *abrupt(run, ambiguous)[:2]]
     known = [", ".join(filter(None, trust))] if solved else []
@@ -172,7 +204,8 @@ def run_verdict(nc: Any) -> tuple[str, str, bool]:
 
 
 def _answer(run: RunSeen) -> str:
-    """The largest slip with its point, and the lengths on which the line slips, has debonded, softens or yields."""
+    """The largest slip with its point, and the lengths on which the line slips, has debonded,
+    softens or yields."""
     slip, ok = run.take("u_T_max"), run.ok
     if slip is None or not ok.any():
         return ""
@@ -189,7 +222,9 @@ def _answer(run: RunSeen) -> str:
             lengths[what] = (low if known.min() > 0.0 else "", high)
     place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.grid else {}
     words = ", ".join(run.labelled(place))
-    told = slipped(with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths)
+    told = slipped(
+        with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths
+    )
     shear, at = run.take("shear_max"), run.take("shear_max_at")
     if ok.size > 1 or shear is None or at is None:
         return told
@@ -206,8 +241,8 @@ def several_found(run: RunSeen, unique: Flags) -> Flags:
 
 
 def several(energy: Array, unique: Flags) -> Flags:
-    """(…) more than one solution was found: starts (…, s) led to energies that differ by more than rounding, and no
-    proof says that this is all that it can be.
+    """(…) more than one solution was found: starts (…, s) led to energies that differ by more than
+    rounding, and no proof says that this is all that it can be.
     """
     energy = np.sort(energy, axis=-1)
     size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
@@ -221,7 +256,8 @@ def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:
 
 
 def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
-    """At how many of P points all equilibria are known, and how many they are at each; empty without points."""
+    """At how many of P points all equilibria are known, and how many they are at each; empty
+    without points."""
     if not len(count):
         return ""
     known = count[complete > 0]
@@ -232,13 +268,22 @@ def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
 
 
 def mesh_error(run: RunSeen) -> tuple[str, str]:
-    """The largest mesh error of the solved points, relative to a number that it is smaller than, and how it is known:
-    estimated, or else what the last level changed; "" where nothing is known of it.
+    """The largest mesh error of the solved points, relative to a number that it is smaller than,
+    and how it is known: estimated, or else what the last level changed; "" where nothing is known
+    of it.
     """
     ok, goal, wide = run.ok, run.take("goal"), run.take("goal_estimate")
-    if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal)):
-        small = known & (wide > 0.0) & (wide >= np.abs(goal))  # the number is no larger than its error
-        share = (wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]).max(initial=0.0)
+    if (
+        goal is not None
+        and wide is not None
+        and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal))
+    ):
+        small = (
+            known & (wide > 0.0) & (wide >= np.abs(goal))
+        )  # the number is no larger than its error
+        share = (
+            wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]
+        ).max(initial=0.0)
         said = [_share(float(share), "mesh error about {}")] if share > 0.0 else []
         said += [f"the goal no larger than its mesh error at {small.sum()}"] if small.any() else []
         return ", ".join(said), HOW["goal"]
@@ -253,13 +298,19 @@ def mesh_error(run: RunSeen) -> tuple[str, str]:
 
 
 def _share(error: float, words: str) -> str:
-    return words.format(percent(error)) if error < 1.0 else "mesh too coarse for the order of magnitude"
+    return (
+        words.format(percent(error))
+        if error < 1.0
+        else "mesh too coarse for the order of magnitude"
+    )
 
 
 def _change(run: RunSeen) -> float | None:
-    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no friction but rounding.
+    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no
+    friction but rounding.
 
-    |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found need be read.
+    |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found
+    need be read.
     """
     last, before = run.take("friction_resultant"), run.take("friction_resultant", -2)
     if last is None or before is None:
@@ -267,7 +318,9 @@ def _change(run: RunSeen) -> float | None:
     both = run.ok & (run.take("status", -2) == int(PointStatus.OK))
     both &= np.isfinite(last) & np.isfinite(before)
     change, none = np.abs(last - before), SAME * np.abs(last[both]).max(initial=0.0)
-    most = np.divide(change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0)
+    most = np.divide(
+        change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0
+    )
     largest: float | None = None
     for k in np.argsort(-np.where(both, most, -1.0), axis=None)[: both.sum()]:
         place = tuple(int(i) for i in np.unravel_index(k, most.shape))
@@ -279,11 +332,12 @@ def _change(run: RunSeen) -> float | None:
 
 
 def abrupt(run: RunSeen, several: Flags) -> list[str]:
-    """Sentences on where the slip changes between two neighbouring values of a swept number, so much beside the steps
-    around it that it is worth a word, the largest first.
+    """Sentences on where the slip changes between two neighbouring values of a swept number, so
+    much beside the steps around it that it is worth a word, the largest first.
 
-    It is called a jump only if two solutions were seen at one of them: a solution that is unique all the way (ω < λ₁)
-    changes steeply, but continuously, and two points do not tell a steep change from a jump.
+    It is called a jump only if two solutions were seen at one of them: a solution that is unique
+    all the way (ω < λ₁) changes steeply, but continuously, and two points do not tell a steep
+    change from a jump.
     """
     slip = run.take("u_T_max")
     if not run.grid or slip is None:
@@ -304,11 +358,18 @@ def abrupt(run: RunSeen, several: Flags) -> list[str]:
         line = np.unravel_index(int(np.argmax(np.where(abrupt, largest, 0.0))), abrupt.shape)
         where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
         at = int(np.argmax(step[line]))
-        change, seen = float(step[line][at]), bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any())
+        change, seen = (
+            float(step[line][at]),
+            bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any()),
+        )
         labels, unit = run.shown(name)
         place = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
         place += f" ({', '.join(rest)})" if (rest := run.labelled(where)) else ""
-        words = f"slip jumps {place}" if seen else f"slip changes by {with_unit(change, run.units, 2)} {place}"
+        words = (
+            f"slip jumps {place}"
+            if seen
+            else f"slip changes by {with_unit(change, run.units, 2)} {place}"
+        )
         found.append((change, words))
     return [text for _, text in sorted(found, reverse=True)]
 
@@ -318,7 +379,8 @@ LOCKS = 1.1
 
 
 def of_the_body(low: Array, high: Array, proved: NDArray[np.bool_], units: str) -> str:
-    """What is proved of the body itself: low ≤ λ₁ ≤ high and ω < low, at the points of the finest level.
+    """What is proved of the body itself: low ≤ λ₁ ≤ high and ω < low, at the points of the finest
+    level.
 
     low, high: (P,) [units], NaN where a point was not solved
     """
@@ -337,7 +399,8 @@ def of_the_body(low: Array, high: Array, proved: NDArray[np.bool_], units: str) 
 
 
 def locks(mesh: Array, dual: Array) -> str:
-    """Where λ₁ of the mesh (P,) is far above that of equilibrium elements (P,), which do not lock."""
+    """Where λ₁ of the mesh (P,) is far above that of equilibrium elements (P,), which do not
+    lock."""
     ratio = float(np.nanmax(mesh / dual, initial=0.0, where=np.isfinite(dual)))
     if not ratio > LOCKS:
         return ""
@@ -347,7 +410,8 @@ def locks(mesh: Array, dual: Array) -> str:
     )
 
 
-# -- convergence -------------------------------------------------------------------------------------------------------
+# -- convergence
+# -------------------------------------------------------------------------------------------------------
 
 
 def order(slope: float, error: float, digits: int = 2) -> str:
@@ -358,8 +422,8 @@ def order(slope: float, error: float, digits: int = 2) -> str:
 
 
 def orders(verdicts: Iterable[tuple[str, str]], solved: bool) -> str:
-    """All measured orders in a sentence; verdicts: (symbol of the error, of VERDICTS), which an order has that was
-    measured; what is not judged counts neither way.
+    """All measured orders in a sentence; verdicts: (symbol of the error, of VERDICTS), which an
+    order has that was measured; what is not judged counts neither way.
     """
     told = list(verdicts)
     if not told:
@@ -382,13 +446,15 @@ OPEN = {
 """Orders that are neither as expected nor not."""
 
 
-# -- histories ---------------------------------------------------------------------------------------------------------
+# -- histories
+# ---------------------------------------------------------------------------------------------------------
 
 
 def cycle_change(
     v: Array, dissipated: Array, units: tuple[str, str] = ("m", "J m-1"), rounding: float = 0.0
 ) -> tuple[str, str]:
-    """(its kind, the same as a sentence) of the change from cycle to cycle, from the slips at their ends.
+    """(its kind, the same as a sentence) of the change from cycle to cycle, from the slips at their
+    ends.
 
     shakedown:  the last cycle changed no slip and dissipated nothing
     closed:     it changed no slip;  walking, ratcheting: it changed slips as the one before did
@@ -421,8 +487,14 @@ def cycle_change(
         return kind, f"{kind}: the last two cycles each {what} {moved}"
     if largest <= EQUAL * size:
         share = f"{largest / size:.0e}"
-        return "settled", f"settled to {share} of the slip, by which the last cycle changed it at most"
-    return "settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
+        return (
+            "settled",
+            f"settled to {share} of the slip, by which the last cycle changed it at most",
+        )
+    return (
+        "settling",
+        f"not settled: the last cycle changed slips by up to {moved}, unlike the one before",
+    )
 
 
 KINDS = {

@@ -1,4 +1,5 @@
-"""Numbers and failed points in words: few digits and SI prefixes; failures by status and reason; tables that fit."""
+"""Numbers and failed points in words: few digits and SI prefixes; failures by status and reason;
+tables that fit."""
 
 from __future__ import annotations
 
@@ -37,7 +38,9 @@ def number(value: float, digits: int = 4) -> str:
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     rounded = f"{value:.{digits}g}"
-    return f"{float(rounded):.0f}" if "e+0" in rounded and abs(value) < 1e4 else rounded  # 410, not 4.1e+02
+    return (
+        f"{float(rounded):.0f}" if "e+0" in rounded and abs(value) < 1e4 else rounded
+    )  # 410, not 4.1e+02
 
 
 def counted(number: int, noun: str) -> str:
@@ -56,18 +59,22 @@ def span(seconds: float) -> str:
 def spelled(text: str) -> str:
     """Words of a file in which Greek letters stand for their names: λ₁ of lambda_1."""
     text = text.replace("lambda_1", "λ₁")
-    return re.sub(r"\b(lambda|omega|theta|xi)(?![A-Za-z])", lambda name: (GREEK | {"xi": "ξ"})[name[0]], text)
+    return re.sub(
+        r"\b(lambda|omega|theta|xi)(?![A-Za-z])", lambda name: (GREEK | {"xi": "ξ"})[name[0]], text
+    )
 
 
 EXACT = 1e-12
-"""Relative difference that counts as the rounding of a value computed from others (0.1 + 0.2 is shown as 0.3)."""
+"""Relative difference that counts as the rounding of a value computed from others (0.1 + 0.2 is
+shown as 0.3)."""
 ROUNDING = 1e-9
 """Part of the largest number of a column below which another has no say in its unit."""
 MOST_DIGITS = 15
 
 
 def label(value: float, digits: int = 4) -> str:
-    """A value that someone chose: `number`, with more digits where those few make a rounder number of it.
+    """A value that someone chose: `number`, with more digits where those few make a rounder number
+    of it.
 
     ν = 0.4999999 must not look like the bound 0.5, and 1000.4 not like 1000; 17.7827… stays 17.78.
     """
@@ -96,14 +103,19 @@ POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
 
 
 def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
-    """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 … 1000; what is
-    rounding beside the largest does not count.
+    """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 …
+    1000; what is rounding beside the largest does not count.
 
-    Units that a prefix does not suit stay as they are: "1", "K", "s" and those that begin with a power (K-1), to which
-    it would be raised as well.
+    Units that a prefix does not suit stay as they are: "1", "K", "s" and those that begin with a
+    power (K-1), to which it would be raised as well.
     """
-    sizes = np.abs(np.asarray(values, dtype=float).ravel())  # of a long sweep no list of a million numbers
-    sizes = sizes[np.isfinite(sizes) & (sizes > ROUNDING * np.max(sizes, initial=0.0, where=np.isfinite(sizes)))]
+    sizes = np.abs(
+        np.asarray(values, dtype=float).ravel()
+    )  # of a long sweep no list of a million numbers
+    sizes = sizes[
+        np.isfinite(sizes)
+        & (sizes > ROUNDING * np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
+    ]
     if not len(sizes) or units in ("1", "K", "s") or POWER_FIRST.match(units):
         return 1.0, units
     middle = np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]
@@ -135,7 +147,8 @@ DIGITS = 1e-6
 
 
 def digits_lost(error: float) -> str:
-    """What is said of a λ₁ that holds to this relative error only; empty where it has six digits."""
+    """What is said of a λ₁ that holds to this relative error only; empty where it has six
+    digits."""
     if not error > DIGITS:
         return ""
     return (
@@ -145,12 +158,20 @@ def digits_lost(error: float) -> str:
 
 
 def study_unit(attrs: Mapping[str, Any]) -> tuple[float, str] | None:
-    """(divisor, unit) in which a study writes the values of a swept parameter; None if it has SI units, or several."""
-    return (float(attrs["study_unit_size"]), str(attrs["study_unit"])) if "study_unit" in attrs else None
+    """(divisor, unit) in which a study writes the values of a swept parameter; None if it has SI
+    units, or several."""
+    return (
+        (float(attrs["study_unit_size"]), str(attrs["study_unit"]))
+        if "study_unit" in attrs
+        else None
+    )
 
 
-def scaled_labels(values: Sequence[float | str], attrs: Mapping[str, Any], digits: int = 4) -> tuple[list[str], str]:
-    """(`labels`, unit) of a swept parameter: in the study's own unit, else with an SI prefix where that spares powers.
+def scaled_labels(
+    values: Sequence[float | str], attrs: Mapping[str, Any], digits: int = 4
+) -> tuple[list[str], str]:
+    """(`labels`, unit) of a swept parameter: in the study's own unit, else with an SI prefix where
+    that spares powers.
 
     attrs: of its coordinate; 2e+06 Pa is 2 MPa
     """
@@ -177,7 +198,8 @@ _REMEDIES = {
 
 
 def kind(status: PointStatus, reason: str) -> tuple[PointStatus, str]:
-    """What failures of the same cause have in common: the status and the reason without its numbers."""
+    """What failures of the same cause have in common: the status and the reason without its
+    numbers."""
     return status, NUMBER.sub("#", without_paths(reason))
 
 
@@ -187,7 +209,8 @@ def named(status: PointStatus) -> str:
 
 
 def failure_lines(failures: Iterable[tuple[PointStatus, str, str]]) -> list[str]:
-    """One line for each kind of failure: count, status, reason with the ranges of its numbers, a point, a remedy.
+    """One line for each kind of failure: count, status, reason with the ranges of its numbers, a
+    point, a remedy.
 
     failures: (status, reason as stored, the point in words)
     """
@@ -198,16 +221,20 @@ def failure_lines(failures: Iterable[tuple[PointStatus, str, str]]) -> list[str]
     for (status, _), group in sorted(groups.items(), key=lambda item: -len(item[1])):
         what = ranged([reason for reason, _ in group]).rstrip(". ")
         what = "" if what == named(status) else what
-        # reasons of the house end in their own remedy after a semicolon; an unexpected exception has none
+        # reasons of the house end in their own remedy after a semicolon; an unexpected exception
+        # has none
         if status in _REMEDIES and (";" not in what or status == PointStatus.ERROR):
             what = "; ".join(filter(None, (what, _REMEDIES[status])))
         example = f"{'for example ' * (len(group) > 1)}{group[0][1]}"
-        lines.append(f"{counted(len(group), 'solution')} failed: {named(status)}: {what} ({example})")
+        lines.append(
+            f"{counted(len(group), 'solution')} failed: {named(status)}: {what} ({example})"
+        )
     return lines
 
 
 def axis_unit(values: Iterable[float], units: str) -> tuple[float, str]:
-    """`prefix` of the largest magnitude; plain numbers that are very large or small get a power of ten, "10⁻⁵"."""
+    """`prefix` of the largest magnitude; plain numbers that are very large or small get a power of
+    ten, "10⁻⁵"."""
     largest = max((abs(float(v)) for v in values), default=0.0)
     if units != "1" or largest == 0.0 or 1e-2 <= largest < 1e4:
         return prefix([largest], units)
@@ -221,7 +248,8 @@ WIDTH = 110
 
 @dataclass(frozen=True)
 class TextColumn:
-    """A heading, its cells, and how important it is: where there is no room for all, the highest ranks go first."""
+    """A heading, its cells, and how important it is: where there is no room for all, the highest
+    ranks go first."""
 
     title: str
     cells: Sequence[str]
@@ -233,15 +261,21 @@ class TextColumn:
         return (self.title, *self.cells)
 
 
-def quantity(title: str, values: Any, units: str = "1", digits: int = 4, rank: int = 0, like: Any = None) -> TextColumn:
-    """A column of numbers under a heading with their unit, whose prefix suits them, or the values `like` them."""
+def quantity(
+    title: str, values: Any, units: str = "1", digits: int = 4, rank: int = 0, like: Any = None
+) -> TextColumn:
+    """A column of numbers under a heading with their unit, whose prefix suits them, or the values
+    `like` them."""
     divisor, unit = prefix(values if like is None else like, units)
-    return TextColumn(headed(title, unit), [number(value / divisor, digits) for value in values], rank)
+    return TextColumn(
+        headed(title, unit), [number(value / divisor, digits) for value in values], rank
+    )
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of equal length under a caption; `notes` stand below. A text that is indented is a block of lines."""
+    """Columns of equal length under a caption; `notes` stand below. A text that is indented is a
+    block of lines."""
 
     caption: str
     columns: Sequence[TextColumn]
@@ -249,11 +283,18 @@ class Table:
 
     @classmethod
     def of_rows(
-        cls, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], ranks: Sequence[int] = (), *notes: str
+        cls,
+        caption: str,
+        header: Sequence[str],
+        rows: Iterable[Sequence[str]],
+        ranks: Sequence[int] = (),
+        *notes: str,
     ) -> Table:
         """The table by rows; without ranks columns go from the right, and the first one stays."""
         cells = list(zip(*rows, strict=True)) or [()] * len(header)
-        return cls(caption, list(map(TextColumn, header, cells, ranks or range(len(header)))), notes)
+        return cls(
+            caption, list(map(TextColumn, header, cells, ranks or range(len(header)))), notes
+        )
 
 
 @dataclass(frozen=True)
@@ -275,7 +316,8 @@ _width: ContextVar[int | None] = ContextVar("width", default=None)
 
 @contextmanager
 def fitting(width: int | None) -> Iterator[None]:
-    """For the time of a `with`, plain text fits lines of so many characters; None: tables are as wide as they are."""
+    """For the time of a `with`, plain text fits lines of so many characters; None: tables are as
+    wide as they are."""
     token = _width.set(width)
     try:
         yield
@@ -295,11 +337,15 @@ def _text(part: Part) -> str:
         block = part.startswith("  ")
         return wrapped(part) if block else _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")
     head = [wrapped(f"  {part.caption}"), ""] if part.caption else []
-    return "\n".join([*head, columns_table(part.columns), *(wrapped(f"  {note}") for note in part.notes)])
+    return "\n".join(
+        [*head, columns_table(part.columns), *(wrapped(f"  {note}") for note in part.notes)]
+    )
 
 
 def _filled(text: str, width: int, indent: str) -> str:
-    return textwrap.fill(text, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return textwrap.fill(
+        text, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def wrapped(text: str) -> str:
@@ -307,13 +353,16 @@ def wrapped(text: str) -> str:
     width = _width.get()
     if width is None:
         return text
-    return "\n".join(_filled(line, width, "    ") if _WORDS.match(line) else line for line in text.split("\n"))
+    return "\n".join(
+        _filled(line, width, "    ") if _WORDS.match(line) else line for line in text.split("\n")
+    )
 
 
 def columns_table(columns: Sequence[TextColumn]) -> str:
     """Plain text: columns aligned right where every cell looks like a number, left otherwise.
 
-    Where the width is too small for all, the highest ranks go first, those of 0 never, and a line says which went.
+    Where the width is too small for all, the highest ranks go first, those of 0 never, and a line
+    says which went.
     """
     kept, gone = list(columns), list[str]()
     while not fits(kept):
@@ -322,7 +371,9 @@ def columns_table(columns: Sequence[TextColumn]) -> str:
             break
         gone.append(kept.pop(last).title)
     text = _aligned(kept)
-    return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
+    return "\n".join(
+        [text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text]
+    )
 
 
 def fits(columns: Sequence[TextColumn]) -> bool:
@@ -341,11 +392,14 @@ def split_table(labels: Sequence[TextColumn], columns: Iterable[TextColumn]) -> 
 
 
 def _aligned(columns: Sequence[TextColumn]) -> str:
-    """A column is a number's, and aligned right, if every cell looks like one, alone, in parentheses or missing."""
+    """A column is a number's, and aligned right, if every cell looks like one, alone, in
+    parentheses or missing."""
     padded = []
     for column in columns:
         width = max(map(len, column.lines))
         right = all(not cell or cell[0].isdigit() or cell[0] in "-+–∞−(" for cell in column.cells)
         padded.append([line.rjust(width) if right else line.ljust(width) for line in column.lines])
     header, *rows = (f"  {'  '.join(cells).rstrip()}" for cells in zip(*padded, strict=True))
-    return "\n".join([header, "  " + "─" * (sum(len(column[0]) + 2 for column in padded) - 2), *rows])
+    return "\n".join(
+        [header, "  " + "─" * (sum(len(column[0]) + 2 for column in padded) - 2), *rows]
+    )

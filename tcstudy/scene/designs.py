@@ -1,9 +1,11 @@
-"""Designs of experiments: points of the unit cube, and the distributions that turn them into values of parameters.
+"""Designs of experiments: points of the unit cube, and the distributions that turn them into values
+of parameters.
 
-The same seed gives the same points to the bit, and the first points of a longer design are those of a shorter one: a
-design can grow. A Latin hypercube grows by doubling only; one of n points is a hypercube of the odd part of n, doubled
-(every old point lies in a cell of the finer one, the new points fill the other cells; Sallaberry, Helton & Hora,
-Reliab. Eng. Syst. Saf. 93 (2008) 1047, doi 10.1016/j.ress.2007.04.005).
+The same seed gives the same points to the bit, and the first points of a longer design are those of
+a shorter one: a design can grow. A Latin hypercube grows by doubling only; one of n points is a
+hypercube of the odd part of n, doubled (every old point lies in a cell of the finer one, the new
+points fill the other cells; Sallaberry, Helton & Hora, Reliab. Eng. Syst. Saf. 93 (2008) 1047, doi
+10.1016/j.ress.2007.04.005).
 
 Not here: which parameter has which distribution, and in which unit (`read.sweep`).
 """
@@ -24,7 +26,8 @@ SALTELLI = "saltelli"
 DESIGNS = ("random", "latin-hypercube", "sobol", SALTELLI)
 """Modes of a sweep whose points are drawn."""
 LEAST = 2.0**-54
-"""In place of 0, where a distribution may have no finite value; no generator tells the two apart."""
+"""In place of 0, where a distribution may have no finite value; no generator tells the two
+apart."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,9 @@ class Design:
         power = 2 ** math.ceil(math.log2(self.points))
         if self.mode in ("sobol", SALTELLI) and power != self.points:
             return f"{said}; a Sobol sequence is balanced at powers of two only: {power} points cover evenly"
-        return f"{said} if it has 2, 4, 8 … times as many" if self.mode == "latin-hypercube" else said
+        return (
+            f"{said} if it has 2, 4, 8 … times as many" if self.mode == "latin-hypercube" else said
+        )
 
 
 def count(mode: str, points: int, d: int) -> int:
@@ -58,8 +63,9 @@ def count(mode: str, points: int, d: int) -> int:
 def cube(design: Design, d: int) -> Cube:
     """(P, d) points in (0, 1), P = `count`.
 
-    saltelli: d + 2 rows for each base point, A, B, and A with column i from B for i = 0 … d − 1, where [A B] is a Sobol
-    sequence in 2 d dimensions (Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, doi 10.1016/j.cpc.2009.09.018).
+    saltelli: d + 2 rows for each base point, A, B, and A with column i from B for i = 0 … d − 1,
+    where [A B] is a Sobol sequence in 2 d dimensions (Saltelli et al., Comput. Phys. Commun. 181
+    (2010) 259, doi 10.1016/j.cpc.2009.09.018).
     """
     rng, n = np.random.default_rng(design.seed), design.points
     if design.mode == "random":
@@ -79,11 +85,13 @@ def cube(design: Design, d: int) -> Cube:
 
 
 def correlated(u: Cube, R: Cube) -> Cube:
-    """Points (P, d) whose columns keep their uniform distributions and depend on each other by a Gaussian copula.
+    """Points (P, d) whose columns keep their uniform distributions and depend on each other by a
+    Gaussian copula.
 
-    R: (d, d) correlation of the normal scores z = Φ⁻¹(u): z' = z Lᵀ with R = L Lᵀ, u' = Φ(z'). Ranks have the
-    correlation 6/π asin(ρ/2) (Kruskal, J. Amer. Stat. Assoc. 53 (1958) 814). A point depends on itself alone, so that a
-    design still grows; the cells of a Latin hypercube are kept in the first column only.
+    R: (d, d) correlation of the normal scores z = Φ⁻¹(u): z' = z Lᵀ with R = L Lᵀ, u' = Φ(z').
+    Ranks have the correlation 6/π asin(ρ/2) (Kruskal, J. Amer. Stat. Assoc. 53 (1958) 814). A point
+    depends on itself alone, so that a design still grows; the cells of a Latin hypercube are kept
+    in the first column only.
     """
     from scipy.special import ndtr, ndtri
 
@@ -91,10 +99,13 @@ def correlated(u: Cube, R: Cube) -> Cube:
 
 
 def _sobol(n: int, d: int, rng: np.random.Generator) -> Cube:
-    """The first n points of a scrambled sequence; drawn up to a power of two, which the library has no doubts about."""
+    """The first n points of a scrambled sequence; drawn up to a power of two, which the library has
+    no doubts about."""
     from scipy.stats import qmc
 
-    return np.asarray(qmc.Sobol(d, scramble=True, seed=rng).random_base2(math.ceil(math.log2(n)))[:n])
+    return np.asarray(
+        qmc.Sobol(d, scramble=True, seed=rng).random_base2(math.ceil(math.log2(n)))[:n]
+    )
 
 
 def _latin_hypercube(n: int, d: int, seed: int) -> Cube:
@@ -121,7 +132,8 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "lognormal": ("median", "sigma"),
     "triangular": ("from", "mode", "to"),
 }
-"""Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a logarithm."""
+"""Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a
+logarithm."""
 ENDS = ("from", "to")
 
 
@@ -145,20 +157,27 @@ class Distribution:
             return bool(np.isfinite(self.at(np.array([0.5]))[0]))
 
     def at(self, u: Cube) -> Cube:
-        """Values at which the distribution function is u; to 15 digits, which all machines agree about."""
+        """Values at which the distribution function is u; to 15 digits, which all machines agree
+        about."""
         from scipy import stats
 
-        has = {name: np.float64(number) for name, number in self.numbers}  # of which none divides by zero
+        has = {
+            name: np.float64(number) for name, number in self.numbers
+        }  # of which none divides by zero
         low, high, sigma = has.get("from", 0.0), has.get("to", 0.0), has.get("sigma", 1.0)
         mean = has.get("mean", 0.0)
         laws: dict[str, Callable[[], Any]] = {
             "uniform": lambda: stats.uniform(low, high - low),
             "log-uniform": lambda: stats.loguniform(low, high),
             "normal": lambda: stats.norm(mean, sigma),
-            "truncated-normal": lambda: stats.truncnorm((low - mean) / sigma, (high - mean) / sigma, mean, sigma),
+            "truncated-normal": lambda: stats.truncnorm(
+                (low - mean) / sigma, (high - mean) / sigma, mean, sigma
+            ),
             "lognormal": lambda: stats.lognorm(sigma, scale=has["median"]),
             "triangular": lambda: stats.triang((has["mode"] - low) / (high - low), low, high - low),
         }
         law = laws[self.kind]()
-        with np.errstate(over="ignore"):  # a value that no number can hold is inf, which is refused where it is read
+        with np.errstate(
+            over="ignore"
+        ):  # a value that no number can hold is inf, which is refused where it is read
             return np.array([float(f"{value:.15g}") for value in law.ppf(u)])

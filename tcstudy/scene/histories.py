@@ -1,15 +1,18 @@
-"""What a contact line remembers from one load to the next: the models by name, and which laws they are meant for.
+"""What a contact line remembers from one load to the next: the models by name, and which laws they
+are meant for.
 
-The scene's law gives the monotone virgin curve τ(κ) = b(s > 0). Beside it a node has a state, the next step's law is
+The scene's law gives the monotone virgin curve τ(κ) = b(s > 0). Beside it a node has a state, the
+next step's law is
     friction         sgn(s − a) τ(κ + |s − a|)              a last slip, κ = Σ|Δv|
     elastic-plastic  ±k (|s − p| − Δp), at most τ(κ + Δp)   p plastic slip, κ = Σ|Δp|
     damage           τ(κ) s/κ for |s| ≤ κ, beyond it τ(|s|)   κ = max |v|
-Literature: Ortiz & Pandolfi, Int. J. Numer. Meth. Engng 44 (1999) 1267–1282 (damage, κ the largest opening); Simo &
-Hughes, Computational Inelasticity (1998) (return mapping). Here only what a study says of it; contact/history solves.
+Literature: Ortiz & Pandolfi, Int. J. Numer. Meth. Engng 44 (1999) 1267–1282 (damage, κ the largest
+opening); Simo & Hughes, Computational Inelasticity (1998) (return mapping). Here only what a study
+says of it; contact/history solves.
 
-What a contact node does: the states of the contact line, by the part of the friction law that the node is on. A part of
-b is a piece between two kinks, or a kink itself, where b̂ is an interval. Its code is 2k for piece k and 2k + 1 for kink
-k, as in `tcstudy.contact.path.problem`.
+What a contact node does: the states of the contact line, by the part of the friction law that the
+node is on. A part of b is a piece between two kinks, or a kink itself, where b̂ is an interval. Its
+code is 2k for piece k and 2k + 1 for kink k, as in `tcstudy.contact.path.problem`.
 """
 
 from __future__ import annotations
@@ -73,8 +76,9 @@ class Memory:
     ) -> NDArray[np.str_] | None:
         """(m,) names of nodes on edges by number; None where all have one.
 
-        A node between edges of different memories has one for the law of both: `damage` if it is among them and can be
-        made of that law, else `friction`, which is an error of first order in the length of its cell.
+        A node between edges of different memories has one for the law of both: `damage` if it is
+        among them and can be made of that law, else `friction`, which is an error of first order in
+        the length of its cell.
         """
         if not self.edges:
             return None
@@ -89,7 +93,11 @@ class Memory:
 
     def fits(self, friction: Laws | EdgeLaws) -> None:
         """Raise UnfitLaw unless the memory of every edge can be made of its law."""
-        laws = [("", friction)] if isinstance(friction, Laws) else [(edge, law) for edge, law, _ in friction.laws]
+        laws = (
+            [("", friction)]
+            if isinstance(friction, Laws)
+            else [(edge, law) for edge, law, _ in friction.laws]
+        )
         for edge, law in laws:
             for on, name in self.edges or (("", self.name),):
                 if not (on and edge) or on == edge:
@@ -103,12 +111,17 @@ class Memory:
     def unfit(self, law: Laws) -> Iterator[str]:
         """Why it cannot be made of one law, and what to do.
 
-        Every law is odd and opposes slip everywhere. Backward Euler needs a return map with one answer, so that a law
-        falls less steeply than the spring. Where τ(κ)/κ rises a film would heal by being pulled.
+        Every law is odd and opposes slip everywhere. Backward Euler needs a return map with one
+        answer, so that a law falls less steeply than the spring. Where τ(κ)/κ rises a film would
+        heal by being pulled.
         """
         if law.vanishes or self.name == "none":
             return
-        after, ups, k = law.kinks[law.kinks > 0.0], law.kinks[(law.kinds == UP) & (law.kinks > 0.0)], self.stiffness
+        after, ups, k = (
+            law.kinks[law.kinks > 0.0],
+            law.kinks[(law.kinds == UP) & (law.kinks > 0.0)],
+            self.stiffness,
+        )
         starts = np.concatenate([[0.0], after])
         if not is_odd(law):
             yield (f"a history needs an odd law, b(-s) = -b(s), and {law.name} is not: what is remembered has no "
@@ -140,12 +153,15 @@ class Memory:
             size = np.maximum(np.maximum(np.abs(value), np.abs(slope * s)), law.b_scale)
             for i in np.flatnonzero(value - slope * s < -1e-12 * size):
                 secant = value[i] / (s[i] or np.inf)
-                yield (f"damage needs a law whose secant b(s)/s never rises, but b climbs faster than its secant at "
-                       f"s = {s[i]:g} m (slope {slope[i]:g}, secant {secant:g} Pa/m); {other}")  # fmt: skip
+                yield (
+                    f"damage needs a law whose secant b(s)/s never rises, but b climbs faster than its secant at "
+                    f"s = {s[i]:g} m (slope {slope[i]:g}, secant {secant:g} Pa/m); {other}"
+                )
 
 
 def is_odd(law: Laws) -> bool:
-    """Whether b(−s) = −b(s) to the bit, as every shape but a one-sided piecewise-linear one is made."""
+    """Whether b(−s) = −b(s) to the bit, as every shape but a one-sided piecewise-linear one is
+    made."""
     mirror = slice(None, None, -1)
     pieces = law.b_0 == -law.b_0[mirror], law.q == law.q[mirror], law.a == -law.a[mirror]
     anchors = (law.s_0 == -law.s_0[mirror]) | ((law.q == 0.0) & (law.a == 0.0))
@@ -155,8 +171,14 @@ def is_odd(law: Laws) -> bool:
 
 def short_names(paths: Sequence[Keys]) -> tuple[str, ...]:
     """The last words of key paths, the whole paths where these do not tell them apart."""
-    last = ["_".join(keys[keys.index("points", 1) :]) if "points" in keys[1:] else keys[-1] for keys in paths]
-    return tuple(name if last.count(name) == 1 else "_".join(keys) for name, keys in zip(last, paths, strict=True))
+    last = [
+        "_".join(keys[keys.index("points", 1) :]) if "points" in keys[1:] else keys[-1]
+        for keys in paths
+    ]
+    return tuple(
+        name if last.count(name) == 1 else "_".join(keys)
+        for name, keys in zip(last, paths, strict=True)
+    )
 
 
 @dataclass(frozen=True)
@@ -206,9 +228,11 @@ class HistoryPlan:
         return short_names([keys for keys, _, _ in self.parameters])
 
     def stations(self) -> list[dict[Keys, float]]:
-        """Loads at step 0, at the ends of all lines of the first cycle, and of the second, which all others repeat.
+        """Loads at step 0, at the ends of all lines of the first cycle, and of the second, which
+        all others repeat.
 
-        In the first what is not named yet has the value of the study, later the one that the cycle before has left.
+        In the first what is not named yet has the value of the study, later the one that the cycle
+        before has left.
         """
         values = {keys: value for keys, _, value in self.parameters}
         found = [dict(values)]
@@ -218,14 +242,22 @@ class HistoryPlan:
         return found
 
     def schedule(self) -> Iterator[tuple[int, int, float, str, int]]:
-        """(station before, station after, share of the way, name or "", cycle from 1) of every step but step 0."""
+        """(station before, station after, share of the way, name or "", cycle from 1) of every step
+        but step 0."""
         for cycle in range(self.repeat):
             for before, line in enumerate(self.lines, len(self.lines) if cycle else 0):
                 for j in range(1, line.count + 1):
-                    yield before, before + 1, j / line.count, line.name if j == line.count else "", cycle + 1
+                    yield (
+                        before,
+                        before + 1,
+                        j / line.count,
+                        line.name if j == line.count else "",
+                        cycle + 1,
+                    )
 
     def along(self, at: Sequence[V]) -> list[V]:
-        """Of every step, step 0 included, what is affine in the loads, from what it is at the stations."""
+        """Of every step, step 0 included, what is affine in the loads, from what it is at the
+        stations."""
         found = [at[0]]
         for i, j, share, *_ in self.schedule():
             found.append(at[j] if share == 1.0 else at[i] + share * (at[j] - at[i]))
@@ -254,19 +286,25 @@ class ContactState(IntEnum):
 
 
 def contact_states(law: Laws) -> NDArray[np.int8]:
-    """(2K+1,) ContactState by code of the law's parts; a piece with an exponential part falls where it decays."""
+    """(2K+1,) ContactState by code of the law's parts; a piece with an exponential part falls where
+    it decays."""
     states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
-    states[0::2] = np.where(law.end_slopes.sum(axis=0) < 0.0, ContactState.SOFTEN, ContactState.SLIP)
+    states[0::2] = np.where(
+        law.end_slopes.sum(axis=0) < 0.0, ContactState.SOFTEN, ContactState.SLIP
+    )
     states[1::2][law.kinds == DOWN] = ContactState.DROP
     for side, outward in ((1, 1), (-1, -1)):
-        way = states[2 * int(law.piece(0.0, side)) :: outward]  # a view: the pieces from s = 0 outwards
+        way = states[
+            2 * int(law.piece(0.0, side)) :: outward
+        ]  # a view: the pieces from s = 0 outwards
         fallen = np.logical_or.accumulate((way == ContactState.SOFTEN) | (way == ContactState.DROP))
         way[fallen & (way == ContactState.SLIP)] = ContactState.WEAKENED
     return states
 
 
 def node_states(law: Laws, u_T: ArrayLike, sticks: ArrayLike) -> NDArray[np.int8]:
-    """ContactState of nodes with these tangential displacements (…, m) [m]; sticks: those known to rest on an up-jump.
+    """ContactState of nodes with these tangential displacements (…, m) [m]; sticks: those known to
+    rest on an up-jump.
 
     A bend counts to the piece beyond it, seen from s = 0.
     """

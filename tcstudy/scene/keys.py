@@ -1,14 +1,16 @@
-"""The table of keys: every key that a study file may hold, as plain data. What else is said of a key is derived.
+"""The table of keys: every key that a study file may hold, as plain data. What else is said of a
+key is derived.
 
-One row makes a key known: to the reader of its section, which then also suggests it for a misspelt one and reads it in
-its dimension and bounds (`read.fields`); to `--set`; to the table in configs/README.md and to the JSON Schema
-(`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word, and data carry its units; with
-`affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key acts: the record of
-its section gets a field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
+One row makes a key known: to the reader of its section, which then also suggests it for a misspelt
+one and reads it in its dimension and bounds (`read.fields`); to `--set`; to the table in
+configs/README.md and to the JSON Schema (`read.schema`). With `swept=True` a sweep may vary it, by
+its path and by its last word, and data carry its units; with `affine=True` a path may run along it
+(`scene.parameters`). What a row cannot say is where the key acts: the record of its section gets a
+field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
 (`laws.shapes.SHAPES`).
 
-An edge has a role, which holds or carries something, and may do something to heat: `convection` takes its heat transfer
-coefficient by itself, every other role a section `heat`.
+An edge has a role, which holds or carries something, and may do something to heat: `convection`
+takes its heat transfer coefficient by itself, every other role a section `heat`.
 """
 
 from __future__ import annotations
@@ -42,24 +44,36 @@ from tcstudy.scene.units import NONE, Dimension
 Kind = str
 """What a value may be; `read.schema.FRAGMENTS` has all kinds.
 
-number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
-field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
+number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that
+another key decides;
+field: a number or an expression in x and y; component: that or `free`; vector: two fields;
+displacement: two
 components; named places: a point a name;
-section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
-one or more: of the words; words: a list of any; choice by edge: a word, or one for each contact edge;
+section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a
+shape;
+one or more: of the words; words: a list of any; choice by edge: a word, or one for each contact
+edge;
 sweep points: a list of them, or their number;
-sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a sweep."""
+sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a
+sweep."""
 
 
-GREEK = dict(zip(["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"], "αβδλμνωτθ", strict=True))
+GREEK = dict(
+    zip(
+        ["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"],
+        "αβδλμνωτθ",
+        strict=True,
+    )
+)
 """Letters that names spell out."""
 OF_EDGE = r"boundary{0}(\w+?){0}((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)"
 """Names of what an edge has, with {0} between their parts: the edge and its key."""
 
 
 def symbol(name: str) -> str:
-    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself, `friction.points.0` b_0,
-    that of its slip s_0; a column `boundary_grip_u_x` u_x of grip, `heat_theta` θ; the rest in words."""
+    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself,
+    `friction.points.0` b_0, that of its slip s_0; a column `boundary_grip_u_x` u_x of grip,
+    `heat_theta` θ; the rest in words."""
     if match := re.fullmatch(OF_EDGE.format("_"), name):
         return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
     name = re.sub(r"^(?:heat|friction|material)_(?=\w)", "", name)
@@ -112,7 +126,13 @@ class Key:
     short: str = ""
 
     def __post_init__(self) -> None:
-        if not self.of and self.kind in ("section", "sections", "named sections", "law", "material"):
+        if not self.of and self.kind in (
+            "section",
+            "sections",
+            "named sections",
+            "law",
+            "material",
+        ):
             object.__setattr__(self, "of", (self.name,))
 
     @property
@@ -147,7 +167,11 @@ MOVED = ("clamped", "rigid")
 """Roles that take displacements in x and y."""
 
 
-_PASSES, _FORCED, _OTHERS = ("convection",), (*LOADED, "rigid"), tuple(role for role in ROLES if role != "convection")
+_PASSES, _FORCED, _OTHERS = (
+    ("convection",),
+    (*LOADED, "rigid"),
+    tuple(role for role in ROLES if role != "convection"),
+)
 _STIFFNESS = {"dimension": u.STIFFNESS, "default": 0.0, "least": 0.0}
 
 
@@ -173,20 +197,75 @@ _TESTS = f"[{{data: {{file: short.csv, columns: {_NAMED}}}, with: {{parameters.L
 ROWS: tuple[Key, ...] = (
     key("title", "text", "says what the study is"),
     key("institution", "text", "who made the data"),
-    key("units", "choice", "system of units; `none`: everything is dimensionless", words=("SI", "none"), default="SI"),
-    key("parameters", "named numbers", "numbers by name, for expressions such as `2*height`; a sweep may vary them"),
-    needed("body", "section", "the body Ω and its edges: one of `outline`, `rectangle`, `file`", example=_BODY),
-    needed("boundary", "named sections", "a role for every edge, as a word or with keys", example=_EDGES, short="role"),
-    needed("material", "material", "isotropic: `E`, `nu` or `lambda`, `mu`", example=_MATERIAL, swept=True),
-    key("materials", "named sections", "of regions that have a material of their own", of=("material",)),
+    key(
+        "units",
+        "choice",
+        "system of units; `none`: everything is dimensionless",
+        words=("SI", "none"),
+        default="SI",
+    ),
+    key(
+        "parameters",
+        "named numbers",
+        "numbers by name, for expressions such as `2*height`; a sweep may vary them",
+    ),
+    needed(
+        "body",
+        "section",
+        "the body Ω and its edges: one of `outline`, `rectangle`, `file`",
+        example=_BODY,
+    ),
+    needed(
+        "boundary",
+        "named sections",
+        "a role for every edge, as a word or with keys",
+        example=_EDGES,
+        short="role",
+    ),
+    needed(
+        "material",
+        "material",
+        "isotropic: `E`, `nu` or `lambda`, `mu`",
+        example=_MATERIAL,
+        swept=True,
+    ),
+    key(
+        "materials",
+        "named sections",
+        "of regions that have a material of their own",
+        of=("material",),
+    ),
     key("loads", "section", "forces in the body"),
     key(
-        "heat", "section", "`alpha` and `theta_bar`, or `theta` itself; [from which zero](#heat-by-edge)", example=_HEAT
+        "heat",
+        "section",
+        "`alpha` and `theta_bar`, or `theta` itself; [from which zero](#heat-by-edge)",
+        example=_HEAT,
     ),
-    needed("friction", "law", "a law, or one for each contact edge: `{EDGE: {law: …}, …}`", example=_LAW, swept=True),
-    needed("mesh", "section", "element sizes; [which meshes there are](#meshes-that-follow-the-error)", example=_SIZE),
-    key("solver", "section", "a name, a list of names, which the summary compares, or its keys", short="name"),
-    key("sweep", "section", "[what varies](#sweeps): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`"),
+    needed(
+        "friction",
+        "law",
+        "a law, or one for each contact edge: `{EDGE: {law: …}, …}`",
+        example=_LAW,
+        swept=True,
+    ),
+    needed(
+        "mesh",
+        "section",
+        "element sizes; [which meshes there are](#meshes-that-follow-the-error)",
+        example=_SIZE,
+    ),
+    key(
+        "solver",
+        "section",
+        "a name, a list of names, which the summary compares, or its keys",
+        short="name",
+    ),
+    key(
+        "sweep",
+        "section",
+        "[what varies](#sweeps): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`",
+    ),
     key("exact", "section", "the exact solution, if you know it"),
     key("path", "section", "[equilibria on the branch from rest](#equilibria-along-a-parameter)"),
     key("output", "section", "a path, or its keys", short="path"),
@@ -194,17 +273,39 @@ ROWS: tuple[Key, ...] = (
     key("body.rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
     key("body.file", "section", "a plane face of a STEP or BREP file"),
     key("body.holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
-    key("body.regions", "named sections", "shapes by name, for heat sources and `materials`", of=("region",)),
-    needed("outline.from", "point", "where the edge begins; it ends where the next begins", u.LENGTH, "[0 mm, 0 mm]"),
+    key(
+        "body.regions",
+        "named sections",
+        "shapes by name, for heat sources and `materials`",
+        of=("region",),
+    ),
+    needed(
+        "outline.from",
+        "point",
+        "where the edge begins; it ends where the next begins",
+        u.LENGTH,
+        "[0 mm, 0 mm]",
+    ),
     needed("outline.edge", "name", "its name; several edges may share one", example="NAME"),
     key("outline.through", "point", "makes it a circular arc", u.LENGTH, "[0 mm, 20 mm]"),
     needed("block.width", "number", "in x", u.LENGTH, "50 mm", above=0.0),
     needed("block.height", "number", "in y", u.LENGTH, "20 mm", above=0.0),
     key("block.corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", default=[0, 0]),
-    key("block.edges", "section", "other names of its edges", example="{bottom: NAME}", of=("sides",)),
-    *(key(f"sides.{side}", "name", f"name of the {side} edge") for side in ("bottom", "right", "top", "left")),
+    key(
+        "block.edges",
+        "section",
+        "other names of its edges",
+        example="{bottom: NAME}",
+        of=("sides",),
+    ),
+    *(
+        key(f"sides.{side}", "name", f"name of the {side} edge")
+        for side in ("bottom", "right", "top", "left")
+    ),
     needed("file.path", "text", "relative to the study, .step, .stp or .brep", example="part.step"),
-    needed("file.edges", "named points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}"),
+    needed(
+        "file.edges", "named points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}"
+    ),
     key("file.face", "integer", "which face of it", default=0, least=0),
     key("file.unit", "text", "its unit of length (default: mm, m for .brep)", example="mm"),
     key("file.other", "name", "name of all other edges", example="NAME"),
@@ -222,22 +323,73 @@ ROWS: tuple[Key, ...] = (
     needed("rectangle.height", "number", "in y", u.LENGTH, "20 mm", above=0.0),
     key("rectangle.edge", "name", "name of a hole's edges", example="NAME"),
     needed("boundary.role", "choice", "of the edge", example="clamped", words=ROLES),
-    swept("boundary.u", "displacement", "both components (default: 0; `free` frees one)", u.LENGTH, roles=MOVED),
-    load("boundary.u_x", "component", "displacement in x; a component left out is free", u.LENGTH, roles=MOVED),
+    swept(
+        "boundary.u",
+        "displacement",
+        "both components (default: 0; `free` frees one)",
+        u.LENGTH,
+        roles=MOVED,
+    ),
+    load(
+        "boundary.u_x",
+        "component",
+        "displacement in x; a component left out is free",
+        u.LENGTH,
+        roles=MOVED,
+    ),
     load("boundary.u_y", "component", "displacement in y", u.LENGTH, roles=MOVED),
-    load("boundary.u_N", "component", "displacement along the outward normal", u.LENGTH, roles=("clamped",)),
+    load(
+        "boundary.u_N",
+        "component",
+        "displacement along the outward normal",
+        u.LENGTH,
+        roles=("clamped",),
+    ),
     load("boundary.u_T", "component", "displacement along the edge", u.LENGTH, roles=("clamped",)),
     load("boundary.g", "vector", "traction", u.TRACTION, roles=LOADED),
-    load("boundary.pressure", "field", "on the edge, positive when it pushes", u.TRACTION, roles=LOADED),
-    load("boundary.force", "vector", "resultant, spread evenly; moves a rigid edge", u.LINE_FORCE, roles=_FORCED),
-    load("boundary.moment", "number", "about the middle of a rigid edge, which turns", u.MOMENT, roles=("rigid",)),
+    load(
+        "boundary.pressure",
+        "field",
+        "on the edge, positive when it pushes",
+        u.TRACTION,
+        roles=LOADED,
+    ),
+    load(
+        "boundary.force",
+        "vector",
+        "resultant, spread evenly; moves a rigid edge",
+        u.LINE_FORCE,
+        roles=_FORCED,
+    ),
+    load(
+        "boundary.moment",
+        "number",
+        "about the middle of a rigid edge, which turns",
+        u.MOMENT,
+        roles=("rigid",),
+    ),
     key("boundary.spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
-    swept("boundary.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER, above=0.0, roles=_PASSES),
+    swept(
+        "boundary.alpha",
+        "number",
+        "its own heat transfer coefficient",
+        u.HEAT_TRANSFER,
+        above=0.0,
+        roles=_PASSES,
+    ),
     load("boundary.theta_bar", "field", "its own surroundings", u.TEMPERATURE, roles=_PASSES),
     load("boundary.flux", "field", "heat into the body", u.HEAT_FLUX, roles=_PASSES),
-    key("boundary.heat", "section", "what the edge does to heat (default: nothing)", roles=_OTHERS, of=("edge_heat",)),
+    key(
+        "boundary.heat",
+        "section",
+        "what the edge does to heat (default: nothing)",
+        roles=_OTHERS,
+        of=("edge_heat",),
+    ),
     load("edge_heat.theta", "field", "temperature held on the edge", u.TEMPERATURE),
-    swept("edge_heat.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER, above=0.0),
+    swept(
+        "edge_heat.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER, above=0.0
+    ),
     load("edge_heat.theta_bar", "field", "its own surroundings", u.TEMPERATURE),
     load("edge_heat.flux", "field", "heat into the body", u.HEAT_FLUX),
     swept("spring.normal", "number", "along the normal", **_STIFFNESS),
@@ -246,7 +398,9 @@ ROWS: tuple[Key, ...] = (
     swept("material.nu", "number", "Poisson's ratio", u.NONE, "0.3", above=-1.0, below=0.5),
     swept("material.lambda", "number", "first Lamé modulus", u.TRACTION, "121 GPa"),
     swept("material.mu", "number", "shear modulus", u.TRACTION, "81 GPa", above=0.0),
-    swept("material.plane", "choice", "plane assumption", words=("strain", "stress"), default="strain"),
+    swept(
+        "material.plane", "choice", "plane assumption", words=("strain", "stress"), default="strain"
+    ),
     swept("material.k", "number", "conductivity", u.CONDUCTIVITY, above=0.0),
     swept("material.alpha_T", "number", "thermal expansion", u.EXPANSION, default=0.0),
     swept("material.beta", "number", "stress–temperature modulus β in its place", u.THERMAL_STRESS),
@@ -257,41 +411,172 @@ ROWS: tuple[Key, ...] = (
     swept("heat.omega", "names", "where the source is: a region, or several (default: everywhere)"),
     load("heat.theta", "field", "known temperature of the whole body", u.TEMPERATURE),
     needed("friction.law", "choice", "", example="tresca", words=tuple(SHAPES)),
-    swept("friction.strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1"),
-    swept("friction.scatter", "number", "coefficient of variation of a random strength", example="0.1", least=0.0),
-    swept("friction.scatter_length", "number", "its correlation length along the joint", u.LENGTH, "20 mm", above=0.0),
+    swept(
+        "friction.strength",
+        "field",
+        "factor of the law, 0 in a gap of the bond",
+        default=1.0,
+        example="1",
+    ),
+    swept(
+        "friction.scatter",
+        "number",
+        "coefficient of variation of a random strength",
+        example="0.1",
+        least=0.0,
+    ),
+    swept(
+        "friction.scatter_length",
+        "number",
+        "its correlation length along the joint",
+        u.LENGTH,
+        "20 mm",
+        above=0.0,
+    ),
     swept("friction.scatter_seed", "integer", "of the random strength", default=0, least=0),
-    swept("mesh.maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
+    swept(
+        "mesh.maxh",
+        "sizes",
+        "element size, or a list of them",
+        u.LENGTH,
+        "10 mm",
+        required=True,
+        above=0.0,
+    ),
     key("mesh.levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
-    swept("mesh.refine", "integer", "refinements that make the mesh of maxh", default=0, least=0, most=MOST_REFINE),
-    key("mesh.family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family),
-    swept("mesh.grading", "number", "exponent of graded meshes", u.NONE, "0.3", default=_MESH.grading, **_share(0.1)),
-    swept("mesh.marking", "number", "share of the error refined", u.NONE, "0.5", default=_MESH.marking, **_share(0.05)),
+    swept(
+        "mesh.refine",
+        "integer",
+        "refinements that make the mesh of maxh",
+        default=0,
+        least=0,
+        most=MOST_REFINE,
+    ),
+    key(
+        "mesh.family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family
+    ),
+    swept(
+        "mesh.grading",
+        "number",
+        "exponent of graded meshes",
+        u.NONE,
+        "0.3",
+        default=_MESH.grading,
+        **_share(0.1),
+    ),
+    swept(
+        "mesh.marking",
+        "number",
+        "share of the error refined",
+        u.NONE,
+        "0.5",
+        default=_MESH.marking,
+        **_share(0.05),
+    ),
     key("mesh.goal", "goal", "what errors are estimated of", default=_MESH.goal.quantity),
-    key("mesh.tolerance", "number", "relative error to reach", example="0.001", above=0.0, below=1.0),
+    key(
+        "mesh.tolerance", "number", "relative error to reach", example="0.001", above=0.0, below=1.0
+    ),
     key("mesh.of", "goal", "what the tolerance is of"),
-    key("mesh.max_levels", "integer", "most meshes for a tolerance", default=30, least=1, most=_MOST_LEVELS),
-    key("mesh.max_dofs", "integer", "unknowns at which refinement ends", default=_MESH.max_dofs, least=1),
+    key(
+        "mesh.max_levels",
+        "integer",
+        "most meshes for a tolerance",
+        default=30,
+        least=1,
+        most=_MOST_LEVELS,
+    ),
+    key(
+        "mesh.max_dofs",
+        "integer",
+        "unknowns at which refinement ends",
+        default=_MESH.max_dofs,
+        least=1,
+    ),
     key("mesh.known", "quantity", "the goal's exact value"),
-    key("mesh.estimate", "flag", "estimate errors on uniform and graded meshes too", default=_MESH.estimate),
-    key("mesh.guarantee", "flag", "enclose λ₁ of the body itself, and bound errors", default=_MESH.guarantee),
+    key(
+        "mesh.estimate",
+        "flag",
+        "estimate errors on uniform and graded meshes too",
+        default=_MESH.estimate,
+    ),
+    key(
+        "mesh.guarantee",
+        "flag",
+        "enclose λ₁ of the body itself, and bound errors",
+        default=_MESH.guarantee,
+    ),
     needed("goal.u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]"),
-    key("solver.name", "one or more", "of the solver", words=SOLVERS, example=SOLVERS[0], default=_SOLVER.names[0]),
-    key("solver.tolerance", "number", "largest inclusion residual, strict", example="1e-10", above=0.0, below=1.0),
+    key(
+        "solver.name",
+        "one or more",
+        "of the solver",
+        words=SOLVERS,
+        example=SOLVERS[0],
+        default=_SOLVER.names[0],
+    ),
+    key(
+        "solver.tolerance",
+        "number",
+        "largest inclusion residual, strict",
+        example="1e-10",
+        above=0.0,
+        below=1.0,
+    ),
     key("solver.max_iterations", "integer", "of one solve by bundle-newton", least=1),
-    key("solver.branch", "choice", "which solution is stored", words=(*BRANCHES, ALL), default=BRANCHES[0]),
-    key("solver.max_boxes", "integer", "of one point, where `branch: all` ends", default=_SOLVER.max_boxes, least=1),
+    key(
+        "solver.branch",
+        "choice",
+        "which solution is stored",
+        words=(*BRANCHES, ALL),
+        default=BRANCHES[0],
+    ),
+    key(
+        "solver.max_boxes",
+        "integer",
+        "of one point, where `branch: all` ends",
+        default=_SOLVER.max_boxes,
+        least=1,
+    ),
     key("solver.max_seconds", "number", "the same in time", default=_SOLVER.max_seconds, above=0.0),
-    key("sweep.mode", "choice", "`zip` reads lists together; the last four draw points", words=MODES, default=MODES[0]),
-    key("sweep.points", "sweep points", "listed, a table, or how many are drawn", example="[...]", of=("point",)),
+    key(
+        "sweep.mode",
+        "choice",
+        "`zip` reads lists together; the last four draw points",
+        words=MODES,
+        default=MODES[0],
+    ),
+    key(
+        "sweep.points",
+        "sweep points",
+        "listed, a table, or how many are drawn",
+        example="[...]",
+        of=("point",),
+    ),
     key("sweep.seed", "integer", "of the drawn points", example="7", default=0, least=0),
-    key("sweep.correlation", "named quantities", "of drawn parameters, by pairs", example='{"E, tau_s": 0.6}'),
-    key("values.linspace", "span", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
+    key(
+        "sweep.correlation",
+        "named quantities",
+        "of drawn parameters, by pairs",
+        example='{"E, tau_s": 0.6}',
+    ),
+    key(
+        "values.linspace",
+        "span",
+        "`[a, b, n]`: n values from a to b, equally spaced",
+        example="[a, b, n]",
+    ),
     key("values.geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
     *(
         key(f"distribution.{kind}", "span", "", example="[a, b]")
         if names == ENDS
-        else key(f"distribution.{kind}", "section", "", example="{" + ": 1, ".join(names) + ": 1}", of=(kind,))
+        else key(
+            f"distribution.{kind}",
+            "section",
+            "",
+            example="{" + ": 1, ".join(names) + ": 1}",
+            of=(kind,),
+        )
         for kind, names in PARAMETERS.items()
     ),
     key("distribution.choice", "any values", "equally likely", example="[a, b]", least=1),
@@ -303,52 +588,179 @@ ROWS: tuple[Key, ...] = (
     ),
     key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
     needed("fit.data", "section", "a table of measurements", of=("fit_data",)),
-    key("fit.noise", "named quantities", "its standard deviation, by column; left out it is estimated"),
-    key("fit.compare", "choice", "results at each datum, or distances to the path", words=COMPARE, default=COMPARE[0]),
-    needed("fit.parameters", "fitted numbers", "the numbers to find", of=("fit_parameter",), example=_FITTED),
+    key(
+        "fit.noise",
+        "named quantities",
+        "its standard deviation, by column; left out it is estimated",
+    ),
+    key(
+        "fit.compare",
+        "choice",
+        "results at each datum, or distances to the path",
+        words=COMPARE,
+        default=COMPARE[0],
+    ),
+    needed(
+        "fit.parameters",
+        "fitted numbers",
+        "the numbers to find",
+        of=("fit_parameter",),
+        example=_FITTED,
+    ),
     key("fit.starts", "integer", "places to begin from", least=1, default=5),
     key("fit.seed", "integer", "of the other starts", least=0, default=0),
     key("fit.loss", "choice", "`soft_l1`: outliers count less", words=LOSSES, default=LOSSES[0]),
     key("fit.level", "integer", "mesh level (default: finest)", least=0),
-    key("fit.tests", "sections", "further tests that the same numbers explain", example=_TESTS, of=("fit_test",)),
-    key("fit.smooth", "flag", "a law by points without turns that the data do not ask for", default=False),
+    key(
+        "fit.tests",
+        "sections",
+        "further tests that the same numbers explain",
+        example=_TESTS,
+        of=("fit_test",),
+    ),
+    key(
+        "fit.smooth",
+        "flag",
+        "a law by points without turns that the data do not ask for",
+        default=False,
+    ),
     needed("fit_data.file", "text", "a CSV table beside the study", example="pull.csv"),
-    needed("fit_data.columns", "named texts", "what the study calls a column, and its heading", u.NONE, _NAMED),
+    needed(
+        "fit_data.columns",
+        "named texts",
+        "what the study calls a column, and its heading",
+        u.NONE,
+        _NAMED,
+    ),
     needed("fit_test.data", "section", "its table of measurements", of=("fit_data",)),
     key("fit_test.noise", "named quantities", "its noise (default: that of the fit)"),
     key("fit_test.with", "named quantities", "values that the study has in this test, by key path"),
     needed("fit_parameter.start", "quantity", "where the search begins", example="4 MPa"),
     needed("fit_parameter.within", "span", "where it may go", example="[1 MPa, 50 MPa]"),
-    key("fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES),
+    key(
+        "fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES
+    ),
     needed("exact.u", "vector", "displacement", u.LENGTH, '["0.1*sin(pi*x)", "0"]'),
     key("exact.theta", "field", "temperature", u.TEMPERATURE),
     key("exact.xi", "field", "traction −S_T on Γ_C (default: from u)", u.TRACTION),
     key("exact.exponent", "number", "of its singularity", above=0.0),
-    key("exact.loads", "choice", "`derived`: it also makes the loads", words=("given", "derived"), default="given"),
+    key(
+        "exact.loads",
+        "choice",
+        "`derived`: it also makes the loads",
+        words=("given", "derived"),
+        default="given",
+    ),
     needed("path.parameter", "text", "what varies, or `load`", example="theta_bar"),
     needed("path.from", "quantity", "where the path starts", example="0"),
     needed("path.to", "quantity", "the other end of the range", example="1"),
     key("path.at", "quantities", "values at which the solutions on the branch are listed"),
     key("path.within", "span", "how far it may leave the range"),
-    key("path.start", "choice", "solution that it starts from", words=get_args(Start), default=_PATH["start"]),
-    key("path.direction", "choice", "way from the start", words=get_args(Direction), default=_PATH["direction"]),
-    key("path.max_pieces", "integer", "most pieces on either side", least=1, default=_PATH["max_pieces"]),
+    key(
+        "path.start",
+        "choice",
+        "solution that it starts from",
+        words=get_args(Start),
+        default=_PATH["start"],
+    ),
+    key(
+        "path.direction",
+        "choice",
+        "way from the start",
+        words=get_args(Direction),
+        default=_PATH["direction"],
+    ),
+    key(
+        "path.max_pieces",
+        "integer",
+        "most pieces on either side",
+        least=1,
+        default=_PATH["max_pieces"],
+    ),
     key("path.hysteresis", "flag", "compute the loop", default=_PATH["hysteresis"]),
-    key("path.complete", "flag", "every branch of the range, loops included, by proof", default=_PATH["complete"]),
+    key(
+        "path.complete",
+        "flag",
+        "every branch of the range, loops included, by proof",
+        default=_PATH["complete"],
+    ),
     key("path.level", "integer", "mesh level (default: finest)", least=0),
-    key("path.law_error", "number", "relative, of a smooth law's polygon", above=0.0, default=_PATH["law_error"]),
-    key("output.path", "text", "of the file (default: results/<study>.nc)", example="results/study.nc"),
+    key(
+        "path.law_error",
+        "number",
+        "relative, of a smooth law's polygon",
+        above=0.0,
+        default=_PATH["law_error"],
+    ),
+    key(
+        "output.path",
+        "text",
+        "of the file (default: results/<study>.nc)",
+        example="results/study.nc",
+    ),
     key("output.fields", "flag", "keep θ and u of the whole body", default=False),
-    key("output.sensitivity", "words", "numbers by which results are differentiated", example="[friction.delta, E]"),
-    key("output.probes", "named places", "points whose u, θ and σ are kept", u.LENGTH, "{tip: [200 mm, 60 mm]}"),
-    key("output.quantities", "one or more", "further numbers of every point", words=_QUANTITIES, example="reactions"),
-    key("output.live", "flag", "keep what a page needs to solve by itself (half a megabyte a level)", default=False),
-    key("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
-    needed("history.memory", "choice by edge", "what a contact node remembers", example="friction", words=MEMORIES),
-    needed("history.steps", "sections", "lines: loads and what they become", example=_LINES, least=1, of=("step",)),
+    key(
+        "output.sensitivity",
+        "words",
+        "numbers by which results are differentiated",
+        example="[friction.delta, E]",
+    ),
+    key(
+        "output.probes",
+        "named places",
+        "points whose u, θ and σ are kept",
+        u.LENGTH,
+        "{tip: [200 mm, 60 mm]}",
+    ),
+    key(
+        "output.quantities",
+        "one or more",
+        "further numbers of every point",
+        words=_QUANTITIES,
+        example="reactions",
+    ),
+    key(
+        "output.live",
+        "flag",
+        "keep what a page needs to solve by itself (half a megabyte a level)",
+        default=False,
+    ),
+    key(
+        "history",
+        "section",
+        "[loads one after the other, friction that remembers](#load-histories)",
+    ),
+    needed(
+        "history.memory",
+        "choice by edge",
+        "what a contact node remembers",
+        example="friction",
+        words=MEMORIES,
+    ),
+    needed(
+        "history.steps",
+        "sections",
+        "lines: loads and what they become",
+        example=_LINES,
+        least=1,
+        of=("step",),
+    ),
     key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
-    key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
-    key("history.stiffness", "number", "of elastic-plastic bonds", u.STIFFNESS, "100 GPa/m", above=0.0),
+    key(
+        "history.branch",
+        "choice",
+        "which solution of a step",
+        words=HISTORY_BRANCHES,
+        default="continued",
+    ),
+    key(
+        "history.stiffness",
+        "number",
+        "of elastic-plastic bonds",
+        u.STIFFNESS,
+        "100 GPa/m",
+        above=0.0,
+    ),
     key("history.level", "integer", "mesh level (default: finest)", least=0),
     key("step.in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
     key("step.name", "text", "of its last step", example="hot"),

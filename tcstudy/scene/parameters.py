@@ -1,7 +1,7 @@
 """What a sweep may vary, out of the table of keys, and short names of key paths.
 
-The numbers of a scene that a path, a history, a fit or a derivative may change, and the scene with other loads; with
-another value of any number it is read again (`read.scenes.SceneReader`).
+The numbers of a scene that a path, a history, a fit or a derivative may change, and the scene with
+other loads; with another value of any number it is read again (`read.scenes.SceneReader`).
 """
 
 from __future__ import annotations
@@ -37,13 +37,18 @@ FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
 
 
 def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | None:
-    """The row of the key at a path if a sweep may vary it, by the table alone; names of edges and regions as they come.
+    """The row of the key at a path if a sweep may vary it, by the table alone; names of edges and
+    regions as they come.
 
     law: of which a parameter is meant where laws differ in its dimension;  edges: those with laws of their own
     """
     section, found, words = "", None, list(path)
     while words:
-        known = {one.name: one for one in law_rows(law)} if section == "friction" and law in SHAPES else {}
+        known = (
+            {one.name: one for one in law_rows(law)}
+            if section == "friction" and law in SHAPES
+            else {}
+        )
         found = known.get(words[0]) or rows(section).get(words[0])
         by_edge = words.pop(0) == "friction" and bool(edges) and bool(words)
         if found is None or (by_edge and words[0] not in edges):
@@ -63,7 +68,8 @@ SHORT = {
     if one.swept and (section != "friction" or one.kind in NUMBERS)
     for name in (one.name, *one.numbers)
 }
-"""Short names: alpha for heat.alpha, f_x for loads.f_x, k for material.k (a law's k is friction.k)."""
+"""Short names: alpha for heat.alpha, f_x for loads.f_x, k for material.k (a law's k is
+friction.k)."""
 
 
 def path_of(word: str) -> Keys:
@@ -87,59 +93,89 @@ class Number:
     @property
     def no_number(self) -> str:
         """Why nothing can be said by this number alone; empty if it can."""
-        return f"it varies in space ({self.value})" if isinstance(self.value, Expression) else self.idle
+        return (
+            f"it varies in space ({self.value})"
+            if isinstance(self.value, Expression)
+            else self.idle
+        )
 
 
 Found = Iterator[tuple[Keys, Number]]
 LOAD = Key("load", "number", "factor of all mechanical loads")
-OF_POINT = {"s": Key("s", "number", "slip of a law's point", LENGTH), "b": Key("b", "number", "b there", TRACTION)}
+OF_POINT = {
+    "s": Key("s", "number", "slip of a law's point", LENGTH),
+    "b": Key("b", "number", "b there", TRACTION),
+}
 MECHANICAL = ("g", "pressure", "force", "moment")
 """Fields of a role that `load` multiplies, beside f."""
 FACTORED = {
-    name for one in (*rows("loads").values(), *map(rows("boundary").get, MECHANICAL)) if one for name in one.numbers
+    name
+    for one in (*rows("loads").values(), *map(rows("boundary").get, MECHANICAL))
+    if one
+    for name in one.numbers
 }
 """Names of the loads that `load` multiplies."""
 
 
 def _of_rows(record: object, section: str, path: Keys, place: Place, idle: str = "") -> Found:
-    """The affine numbers of a record that are given; u of a clamped edge is not among them, whose frame has names."""
+    """The affine numbers of a record that are given; u of a clamped edge is not among them, whose
+    frame has names."""
     for one in rows(section).values():
         value = getattr(record, one.name, None)
         if one.affine and value is not None:
-            parts = [((), value)] if one.kind != "vector" else [((i,), part) for i, part in enumerate(value)]
+            parts = (
+                [((), value)]
+                if one.kind != "vector"
+                else [((i,), part) for i, part in enumerate(value)]
+            )
             for name, (inner, part) in zip(one.numbers, parts, strict=True):
                 yield (*path, name), Number(one, part, idle, (*place, one.name, *inner))
 
 
 def affine_numbers(scene: Scene) -> Found:
-    """The numbers of a scene in which the load is affine, by key path; ("load",) is a factor of f, g, pressure, force
-    and moment."""
-    heat, roles = scene.heat, [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)]
+    """The numbers of a scene in which the load is affine, by key path; ("load",) is a factor of f,
+    g, pressure, force and moment."""
+    heat, roles = (
+        scene.heat,
+        [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)],
+    )
     idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
     left = any(exchanges(r) and (r.heat is None or r.heat.theta_bar is None) for _, r, _ in roles)
     acts = {"theta": True, "theta_bar": heat.theta is None and left}
     acts["q"] = bool(scene.held_theta) or any(alpha > 0.0 for _, alpha, _ in scene.exchange)
-    yield from (one for one in _of_rows(heat, "heat", ("heat",), ("heat",), idle) if acts[one[0][-1]])
+    yield from (
+        one for one in _of_rows(heat, "heat", ("heat",), ("heat",), idle) if acts[one[0][-1]]
+    )
     for edge, role, place in roles:
         inner = () if isinstance(role, Convection) else ("heat",)
-        yield from _of_rows(role.heat, "edge_heat", ("boundary", edge, *inner), (*place, "heat"), idle)
+        yield from _of_rows(
+            role.heat, "edge_heat", ("boundary", edge, *inner), (*place, "heat"), idle
+        )
     yield from _of_rows(scene, "loads", ("loads",), ())
     for edge, role, place in roles:
         path = ("boundary", edge)
         if role.moment is not None:
-            yield (*path, "moment"), Number(row("boundary", "moment"), role.moment, place=(*place, "moment"))
+            yield (
+                (*path, "moment"),
+                Number(row("boundary", "moment"), role.moment, place=(*place, "moment")),
+            )
         if isinstance(role, Clamped):
             for i, name in enumerate(("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")):
                 if (held := role.u[i]) is not None:
                     yield (*path, name), Number(row("boundary", name), held, place=(*place, "u", i))
                 elif isinstance(role, Rigid):
-                    force = Number(row("boundary", "force"), role.force[i], place=(*place, "force", i))
+                    force = Number(
+                        row("boundary", "force"), role.force[i], place=(*place, "force", i)
+                    )
                     yield (*path, f"force_{name[-1]}"), force
         elif isinstance(role, Loaded):
             yield from _of_rows(role, "boundary", path, place)
     loads = (scene.f, *(getattr(role, name) for _, role in scene.boundary for name in MECHANICAL))
     loaded = any(load not in (None, 0.0, (0.0, 0.0)) for load in loads)
-    yield ("load",), Number(LOAD, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment")
+    yield (
+        ("load",),
+        Number(LOAD, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment"),
+    )
 
 
 def numbers(scene: Scene) -> Found:
@@ -159,10 +195,16 @@ def numbers(scene: Scene) -> Found:
                 inner = ("alpha",) if isinstance(role, Convection) else ("heat", "alpha")
                 yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha)
     for path, role in roles:
-        for one, k in zip(rows("spring").values(), role.spring, strict=True) if role.word in LOADED else ():
+        for one, k in (
+            zip(rows("spring").values(), role.spring, strict=True) if role.word in LOADED else ()
+        ):
             idle = "" if any(role.spring) else "the edge rests on no springs"
             yield (*path, "spring", one.name), Number(one, k, idle)
-    alone = scene.friction.laws if isinstance(scene.friction, EdgeLaws) else (("", scene.friction, 1.0),)
+    alone = (
+        scene.friction.laws
+        if isinstance(scene.friction, EdgeLaws)
+        else (("", scene.friction, 1.0),)
+    )
     for edge, law, strength in alone:
         path = ("friction", edge) if edge else ("friction",)
         if law.made is not None:
@@ -173,7 +215,11 @@ def numbers(scene: Scene) -> Found:
             points = law.made.values.get(POINTS, ())
             for i, (s, b) in enumerate(points):
                 held = "an odd law begins at s = 0" if i == 0 and law.made.values["odd"] else ""
-                shared = "another point has the same s" if [other for other, _ in points].count(s) > 1 else ""
+                shared = (
+                    "another point has the same s"
+                    if [other for other, _ in points].count(s) > 1
+                    else ""
+                )
                 yield (*path, POINTS, str(i)), Number(OF_POINT["b"], float(b))
                 yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), held or shared)
             whole = strength if isinstance(strength, Expression) else law.made.strength
@@ -181,7 +227,8 @@ def numbers(scene: Scene) -> Found:
 
 
 def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
-    """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if it has none such.
+    """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if
+    it has none such.
 
     The factor `load` multiplies the loads that the scene was made with, and those put in later.
     """
@@ -194,7 +241,8 @@ def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
 
 
 def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
-    """The scene with several loads put in (see `path_scene`); raises KeyError for one that it does not have."""
+    """The scene with several loads put in (see `path_scene`); raises KeyError for one that it does
+    not have."""
     for keys, value in values.items():
         scene = path_scene(scene, keys, value)
     return scene
@@ -218,6 +266,11 @@ def _scaled_by(scene: Scene, factor: float) -> Scene:
             return product(factor, value)
         return None if value is None else factor * value
 
-    loads = [{name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary]
-    boundary = ((name, replace(role, **own)) for (name, role), own in zip(scene.boundary, loads, strict=True))
+    loads = [
+        {name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary
+    ]
+    boundary = (
+        (name, replace(role, **own))
+        for (name, role), own in zip(scene.boundary, loads, strict=True)
+    )
     return replace(scene, f=scaled(scene.f), boundary=tuple(boundary), load=factor, unscaled=scene)

@@ -1,7 +1,9 @@
-"""The scenes of a sweep without a list of them: each section's few records, and which one every point has.
+"""The scenes of a sweep without a list of them: each section's few records, and which one every
+point has.
 
-Swept parameters that change nothing, which the user should know before he reads equal rows as a finding; and of which
-scenes the error of a solution can be bounded: those whose data equilibrium elements have exactly.
+Swept parameters that change nothing, which the user should know before he reads equal rows as a
+finding; and of which scenes the error of a solution can be bounded: those whose data equilibrium
+elements have exactly.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ Which = NDArray[np.int32]
 class Scenes(Sequence[Scene]):
     """One scene for each point of a sweep, in C order of its axes, made when it is asked for.
 
-    A sweep of 10⁶ points has a few records in each section: what is asked of all scenes is asked of `distinct` ones.
+    A sweep of 10⁶ points has a few records in each section: what is asked of all scenes is asked of
+    `distinct` ones.
     """
 
     def __init__(self, records: Mapping[str, Sequence[Any]], which: Mapping[str, Which]) -> None:
@@ -47,12 +50,15 @@ class Scenes(Sequence[Scene]):
         if isinstance(scenes, Scenes):
             return scenes
         every = np.arange(len(scenes), dtype=np.int32)
-        one_each = cls({s: [getattr(x, s) for x in scenes] for s in SECTIONS}, dict.fromkeys(SECTIONS, every))
+        one_each = cls(
+            {s: [getattr(x, s) for x in scenes] for s in SECTIONS}, dict.fromkeys(SECTIONS, every)
+        )
         return cls.joined([(one_each, every)])
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Sequence[Scene], NDArray[np.integer]]]) -> Scenes:
-        """Scenes of several sweeps, each again and again at its places in one; equal records are kept once."""
+        """Scenes of several sweeps, each again and again at its places in one; equal records are
+        kept once."""
         known: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
         total = sum(len(places) for _, places in parts)
         which = {section: np.empty(total, dtype=np.int32) for section in SECTIONS}
@@ -60,7 +66,9 @@ class Scenes(Sequence[Scene]):
             own = cls.of(scenes)
             for section, records in known.items():
                 at = [records.setdefault(record, len(records)) for record in own.records[section]]
-                which[section][places] = np.resize(np.array(at, dtype=np.int32)[own.which[section]], len(places))
+                which[section][places] = np.resize(
+                    np.array(at, dtype=np.int32)[own.which[section]], len(places)
+                )
         return cls({section: tuple(records) for section, records in known.items()}, which)
 
     def on(self, body: Body) -> Scenes:
@@ -77,13 +85,16 @@ class Scenes(Sequence[Scene]):
     def __getitem__(self, index: int | slice) -> Scene | tuple[Scene, ...]:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
-        return Scene(**{section: self.records[section][self.which[section][index]] for section in SECTIONS})
+        return Scene(
+            **{section: self.records[section][self.which[section][index]] for section in SECTIONS}
+        )
 
     def __repr__(self) -> str:
         return f"<{len(self)} scenes>"
 
     def combined(self, *sections: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(first, of): a point with each distinct combination of the sections, and (P,) the combination of a point."""
+        """(first, of): a point with each distinct combination of the sections, and (P,) the
+        combination of a point."""
         if sections not in self._combinations:
             code = np.zeros(len(self), dtype=np.int64)
             for section in sections:
@@ -101,7 +112,9 @@ def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:
     return combinations(scenes, *sections)[0]
 
 
-def combinations(scenes: Sequence[Scene], *sections: str) -> tuple[tuple[Scene, ...], NDArray[np.intp]]:
+def combinations(
+    scenes: Sequence[Scene], *sections: str
+) -> tuple[tuple[Scene, ...], NDArray[np.intp]]:
     """`distinct` scenes, and (P,) which of them each point is like."""
     if len(scenes) == 1:  # as in each of many geometries
         return (scenes[0],), np.zeros(1, dtype=np.intp)
@@ -111,21 +124,32 @@ def combinations(scenes: Sequence[Scene], *sections: str) -> tuple[tuple[Scene, 
 
 
 def law_regions(scenes: Sequence[Scene]) -> set[str]:
-    """What the laws of all scenes do on some piece (laws.pieces.REGIONS), and "breathing" where one sticks."""
+    """What the laws of all scenes do on some piece (laws.pieces.REGIONS), and "breathing" where one
+    sticks."""
     records: Sequence[Laws | EdgeLaws] = Scenes.of(scenes).records["friction"]
-    own = ([law for _, law, _ in one.laws] if isinstance(one, EdgeLaws) else [one] for one in records)
+    own = (
+        [law for _, law, _ in one.laws] if isinstance(one, EdgeLaws) else [one] for one in records
+    )
     laws = Laws.of(list(chain.from_iterable(own)))
-    return {REGIONS[k] for k in np.unique(laws.regions)} | ({"breathing"} if np.any(laws.kinds == UP) else set())
+    return {REGIONS[k] for k in np.unique(laws.regions)} | (
+        {"breathing"} if np.any(laws.kinds == UP) else set()
+    )
 
 
-def count_points(scenes: Sequence[Scene], sections: Sequence[str], is_so: Callable[[Scene], bool]) -> int:
+def count_points(
+    scenes: Sequence[Scene], sections: Sequence[str], is_so: Callable[[Scene], bool]
+) -> int:
     """How many points are so, where that is decided by the sections named."""
     some, of = combinations(scenes, *sections)
-    return int(np.bincount(of, minlength=len(some)) @ np.array([is_so(scene) for scene in some], dtype=np.intp))
+    return int(
+        np.bincount(of, minlength=len(some))
+        @ np.array([is_so(scene) for scene in some], dtype=np.intp)
+    )
 
 
 def of_stiffness(scenes: Sequence[Scene]) -> tuple[str, ...]:
-    """Sections that decide about the stiffness of the body: the material, and springs if an edge has any."""
+    """Sections that decide about the stiffness of the body: the material, and springs if an edge
+    has any."""
     springs = any(scene.springs for scene in distinct(scenes, "boundary"))
     return ("material", "boundary") if springs else ("material",)
 
@@ -144,10 +168,14 @@ def no_heat(scene: Scene) -> str:
         return "theta is known"
     if not scene.conducts:
         return "the study has no heat"
-    given = {theta_bar for _, _, theta_bar in scene.exchange} | {theta for _, theta in scene.held_theta}
+    given = {theta_bar for _, _, theta_bar in scene.exchange} | {
+        theta for _, theta in scene.held_theta
+    }
     varies = len(given) > 1 or any(isinstance(theta, Expression) for theta in given)
     heated = isinstance(scene.heat.q, Expression) or scene.heat.q != 0.0 or scene.flux
-    return "" if varies or heated else "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
+    return (
+        "" if varies or heated else "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
+    )
 
 
 def needs_heat_solve(scene: Scene) -> bool:
@@ -156,20 +184,34 @@ def needs_heat_solve(scene: Scene) -> bool:
 
 
 def why_no_heat(scenes: Sequence[Scene]) -> str:
-    """Why the first scene without a heat problem has none; if all have one, why one of its numbers changes nothing."""
-    return next(filter(None, map(no_heat, distinct(scenes, *FELT))), "every edge that exchanges heat has its own")
+    """Why the first scene without a heat problem has none; if all have one, why one of its numbers
+    changes nothing."""
+    return next(
+        filter(None, map(no_heat, distinct(scenes, *FELT))),
+        "every edge that exchanges heat has its own",
+    )
 
 
 def idle_notes(study: Study) -> list[str]:
-    """One sentence for every axis of a grid whose values all give the same solutions, because heat is left out."""
-    thermal = [(d, axis) for d, axis in enumerate(study.axes) if len(axis.labels) > 1 and axis.path[0] in THERMAL]
+    """One sentence for every axis of a grid whose values all give the same solutions, because heat
+    is left out."""
+    thermal = [
+        (d, axis)
+        for d, axis in enumerate(study.axes)
+        if len(axis.labels) > 1 and axis.path[0] in THERMAL
+    ]
     if study.mode != "grid" or not thermal:
         return []
     (scenes, of), numbers = combinations(study.scenes, *FELT), dict[tuple[object, ...], int]()
-    alike = np.array([numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes])[of]
+    alike = np.array([numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes])[
+        of
+    ]
     points, why = alike.reshape(study.shape), why_no_heat(study.scenes)
     idle = [axis for d, axis in thermal if np.all(points == points.take([0], axis=d))]
-    return [f"{one.name} changes nothing ({why}): its {len(one.labels)} values give equal solutions" for one in idle]
+    return [
+        f"{one.name} changes nothing ({why}): its {len(one.labels)} values give equal solutions"
+        for one in idle
+    ]
 
 
 def _felt(scene: Scene) -> Iterator[object]:
@@ -179,17 +221,25 @@ def _felt(scene: Scene) -> Iterator[object]:
         yield from ((one.beta, one.k) for one in all_of)
         yield heat.q, heat.omega, scene.exchange, scene.held_theta, scene.flux
     elif scene.material.expands:
-        given = (*(theta_bar for _, _, theta_bar in scene.exchange), *(theta for _, theta in scene.held_theta))
+        given = (
+            *(theta_bar for _, _, theta_bar in scene.exchange),
+            *(theta for _, theta in scene.held_theta),
+        )
         yield from (one.beta for one in all_of)
         yield heat.theta if heat.theta is not None else given[:1]
 
 
 def why_no_bound(scene: Scene) -> str:
-    """Why `error_bound` is not proved of a scene, and what to do; empty if it is, wherever ω < λ₁ of the body."""
+    """Why `error_bound` is not proved of a scene, and what to do; empty if it is, wherever ω < λ₁
+    of the body."""
     if any(isinstance(f, Expression) and f.constant is None for f in scene.f):
         return "f varies in the body; give numbers"
     for name, role in scene.boundary:
-        given = {"g": role.g, "pressure": (role.pressure,), "u": [u for u in role.u if u is not None]}
+        given = {
+            "g": role.g,
+            "pressure": (role.pressure,),
+            "u": [u for u in role.u if u is not None],
+        }
         for key, values in given.items():
             if not all(map(is_linear, values)):
                 return f"{key} of {name} is not linear in x and y; write it so"
@@ -199,7 +249,9 @@ def why_no_bound(scene: Scene) -> str:
         return "theta is not linear in x and y; write it so"
     if any(law.omega == float("inf") for law in scene.laws):
         return "the friction law jumps down; let it fall over a slip"
-    strengths = () if isinstance(scene.friction, Laws) else [factor for _, _, factor in scene.friction.laws]
+    strengths = (
+        () if isinstance(scene.friction, Laws) else [factor for _, _, factor in scene.friction.laws]
+    )
     if any(isinstance(factor, Expression) and factor.constant is None for factor in strengths):
         return "the strength of friction varies along an edge; give numbers by edge"
     return ""

@@ -1,6 +1,8 @@
-"""What a study is: frozen records in SI (or consistent) units, made by the reader, used by every other room.
+"""What a study is: frozen records in SI (or consistent) units, made by the reader, used by every
+other room.
 
-Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the source region), f, g, k, beta.
+Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the source region), f, g, k,
+beta.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Edge:
-    """A straight edge, or a circular arc through a third point. The next edge starts where this one ends."""
+    """A straight edge, or a circular arc through a third point. The next edge starts where this one
+    ends."""
 
     start: Point
     end: Point
@@ -114,8 +117,9 @@ Given = tuple[Scalar | None, Scalar | None]
 
 @dataclass(frozen=True)
 class Role:
-    """What an edge does: how it is held, what loads it, what it rests on, what it does to heat. A kind of role has what
-    its keys say; all else is as it is here, so that loads and supports of any edge can be asked for.
+    """What an edge does: how it is held, what loads it, what it rests on, what it does to heat. A
+    kind of role has what its keys say; all else is as it is here, so that loads and supports of any
+    edge can be asked for.
 
     word:     its name in a study
     u, frame: displacement [m], (u_x, u_y) or in the frame "nt" (u_N, u_T) of the edge; None is free
@@ -137,7 +141,8 @@ class Role:
 
     @property
     def held(self) -> Given:
-        """What of u an edge holds by itself or rests on springs with, in its frame; a rigid one as a whole."""
+        """What of u an edge holds by itself or rests on springs with, in its frame; a rigid one as
+        a whole."""
         first, second = (0.0 if k > 0.0 else u for u, k in zip(self.u, self.spring, strict=True))
         return first, second
 
@@ -162,7 +167,8 @@ class Symmetry(Clamped):
 
 @dataclass(frozen=True)
 class Rigid(Clamped):
-    """An edge that moves as a whole: a component u is given, or None, one unknown under a resultant `force`."""
+    """An edge that moves as a whole: a component u is given, or None, one unknown under a resultant
+    `force`."""
 
     word = "rigid"
     u: Given = (None, None)
@@ -214,7 +220,9 @@ Boundary = tuple[tuple[str, Role], ...]
 def exchanges(role: Role) -> bool:
     """True if an edge is part of Γ_θ."""
     own = role.heat
-    return isinstance(role, Convection) or (own is not None and (own.alpha, own.theta_bar) != (None, None))
+    return isinstance(role, Convection) or (
+        own is not None and (own.alpha, own.theta_bar) != (None, None)
+    )
 
 
 BODY = "body"
@@ -225,7 +233,8 @@ Where = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic material and the plane assumption, and the materials of the regions that have their own.
+    """Isotropic material and the plane assumption, and the materials of the regions that have their
+    own.
 
     lam, mu: Lamé moduli of the plane problem (plane stress already folded into lam) [Pa]
     beta:    stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
@@ -256,10 +265,12 @@ class Material:
         beta: float | None = None,
         lame: tuple[float, float] | None = None,
     ) -> Material:
-        """The material of the plane problem. lame: λ and μ of the body, if they are not to follow from E and ν
+        """The material of the plane problem. lame: λ and μ of the body, if they are not to follow
+        from E and ν
 
-        λ = Eν/((1 + ν)(1 − 2ν)), μ = E/2(1 + ν). Plane strain keeps them, β = (3λ + 2μ) α_T, eq. (3); plane stress has
-        λ → 2λμ/(λ + 2μ), β = E α_T/(1 − ν). A given beta stays as it is. Numbers may be complex (laws/composed.py).
+        λ = Eν/((1 + ν)(1 − 2ν)), μ = E/2(1 + ν). Plane strain keeps them, β = (3λ + 2μ) α_T, eq.
+        (3); plane stress has λ → 2λμ/(λ + 2μ), β = E α_T/(1 − ν). A given beta stays as it is.
+        Numbers may be complex (laws/composed.py).
         """
         lam, mu = lame or (E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)))
         if beta is not None:
@@ -312,7 +323,8 @@ class Heat:
 class Scene:
     """One complete problem: every number of one sweep point.
 
-    load, unscaled: the factor by which the mechanical loads of another scene were multiplied, and that scene
+    load, unscaled: the factor by which the mechanical loads of another scene were multiplied, and
+    that scene
     """
 
     body: Body
@@ -338,7 +350,11 @@ class Scene:
     def laws(self) -> tuple[Laws, ...]:
         """The friction law, or those of the edges."""
         friction = self.friction
-        return tuple(law for _, law, _ in friction.laws) if isinstance(friction, EdgeLaws) else (friction,)
+        return (
+            tuple(law for _, law, _ in friction.laws)
+            if isinstance(friction, EdgeLaws)
+            else (friction,)
+        )
 
     @property
     def one_law(self) -> Laws:
@@ -352,7 +368,10 @@ class Scene:
         friction = self.friction
         if isinstance(friction, Laws):
             return replace(self, friction=change(friction))
-        return replace(self, friction=EdgeLaws(tuple((edge, change(law), by) for edge, law, by in friction.laws)))
+        return replace(
+            self,
+            friction=EdgeLaws(tuple((edge, change(law), by) for edge, law, by in friction.laws)),
+        )
 
     def edges(self, *kinds: type) -> tuple[str, ...]:
         """Names of the edges with one of the given roles, in the order of the study."""
@@ -373,19 +392,28 @@ class Scene:
         """(edge, α, θ̄) of Γ_θ, in the order of the study."""
         alpha, theta_bar = self.heat.alpha, self.heat.theta_bar
         own = ((name, role.heat or EdgeHeat()) for name, role in self.boundary if exchanges(role))
-        return tuple((name, h.alpha or alpha, theta_bar if h.theta_bar is None else h.theta_bar) for name, h in own)
+        return tuple(
+            (name, h.alpha or alpha, theta_bar if h.theta_bar is None else h.theta_bar)
+            for name, h in own
+        )
 
     @property
     def held_theta(self) -> tuple[tuple[str, Scalar], ...]:
         """(edge, θ) of the edges whose temperature is given, in the order of the study."""
-        return tuple((name, r.heat.theta) for name, r in self.boundary if r.heat and r.heat.theta is not None)
+        return tuple(
+            (name, r.heat.theta) for name, r in self.boundary if r.heat and r.heat.theta is not None
+        )
 
     @property
     def flux(self) -> tuple[tuple[str, Scalar], ...]:
-        """(edge, heat into the body) of the edges through which a given heat flows, in the order of the study."""
-        return tuple((name, r.heat.flux) for name, r in self.boundary if r.heat and r.heat.flux != 0.0)
+        """(edge, heat into the body) of the edges through which a given heat flows, in the order of
+        the study."""
+        return tuple(
+            (name, r.heat.flux) for name, r in self.boundary if r.heat and r.heat.flux != 0.0
+        )
 
     @property
     def conducts(self) -> bool:
-        """True if temperature is decided by an edge: one that exchanges heat, or whose temperature is given."""
+        """True if temperature is decided by an edge: one that exchanges heat, or whose temperature
+        is given."""
         return any(exchanges(role) for _, role in self.boundary) or bool(self.held_theta)

@@ -1,14 +1,21 @@
-"""What a study asks for beside its scenes: meshes and their families, solver, sweep, path, fit and output.
+"""What a study asks for beside its scenes: meshes and their families, solver, sweep, path, fit and
+output.
 
-A new family of meshes is one record here and one way to make its meshes, in fem/meshes.py (in refine/family.py if
-they follow from the solutions); readers, forecasts, notes and reports ask the record.
+A new family of meshes is one record here and one way to make its meshes, in fem/meshes.py (in
+refine/family.py if they follow from the solutions); readers, forecasts, notes and reports ask the
+record.
 
-Which inclusion residual makes a solution: the one rule for every solver, path, certificate and comparison.
-A tolerance that a study writes is strict. The default is TOLERANCE or what rounding of the problem allows, whichever is
-larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProblem.xi_rounding`), which is what rounding v to
-doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to solve for, and the
+Which inclusion residual makes a solution: the one rule for every solver, path, certificate and
+comparison.
+A tolerance that a study writes is strict. The default is TOLERANCE or what rounding of the problem
+allows, whichever is
+larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProblem.xi_rounding`), which
+is what rounding v to
+doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to
+solve for, and the
 default goes no further.
-How a contact problem may be solved: the one place of the names of solvers, of starts, and of which solution is kept.
+How a contact problem may be solved: the one place of the names of solvers, of starts, and of which
+solution is kept.
 """
 
 from __future__ import annotations
@@ -79,14 +86,23 @@ ADAPTIVE = MeshFamily(
 LISTED = MeshFamily("listed", "Meshes of given sizes", "one of each size")
 """What a list of maxh makes; not for one maxh."""
 
-FAMILIES: dict[FamilyName, MeshFamily] = {"uniform": UNIFORM, "graded": GRADED, "adaptive": ADAPTIVE}
+FAMILIES: dict[FamilyName, MeshFamily] = {
+    "uniform": UNIFORM,
+    "graded": GRADED,
+    "adaptive": ADAPTIVE,
+}
 """The families that a study can ask for by name."""
 
 
 COMPARE = ("vertical", "orthogonal")
 LOSSES = ("linear", "soft_l1")
 SCALES = ("log", "linear")
-RESULTS = {"friction_resultant": u.LINE_FORCE, "u_T_max": u.LENGTH, "theta_mean": u.TEMPERATURE, "u_T": u.LENGTH}
+RESULTS = {
+    "friction_resultant": u.LINE_FORCE,
+    "u_T_max": u.LENGTH,
+    "theta_mean": u.TEMPERATURE,
+    "u_T": u.LENGTH,
+}
 """Results that may be measured, with their dimensions; u_T is that at the x of the datum."""
 PLACE = ("x",)
 """Key path of the column that says where on the contact line u_T was measured."""
@@ -109,7 +125,8 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A number to find: where it stands, where the search begins and may go [SI], by its logarithm or not."""
+    """A number to find: where it stands, where the search begins and may go [SI], by its logarithm
+    or not."""
 
     number: Sensitivity
     start: float
@@ -174,7 +191,9 @@ class FitPlan:
     @property
     def at_steps(self) -> list[int]:
         """The step of every line of the table; empty for static points."""
-        return [int(value) for column in self.given if column.path == STEP for value in column.values]
+        return [
+            int(value) for column in self.given if column.path == STEP for value in column.values
+        ]
 
     @property
     def place(self) -> FitColumn | None:
@@ -189,9 +208,12 @@ class FitPlan:
 
     @property
     def assumed_noise(self) -> str:
-        """What intervals assume of several columns whose noise is not all known; empty if nothing."""
+        """What intervals assume of several columns whose noise is not all known; empty if
+        nothing."""
         columns = (*(self.given if self.compare == "orthogonal" else ()), *self.measured)
-        known, unknown = ([one.name for one in columns if (one.noise is None) is no] for no in (False, True))
+        known, unknown = (
+            [one.name for one in columns if (one.noise is None) is no] for no in (False, True)
+        )
         if len(columns) < 2 or not unknown:
             return ""
         if known:
@@ -203,7 +225,8 @@ class FitPlan:
 TOLERANCE = 1e-10
 """Largest inclusion residual by default, as long as rounding allows it."""
 LOST = 1e-3
-"""Rounding of ξ over the scale of b beyond which fewer than three digits of the friction are known."""
+"""Rounding of ξ over the scale of b beyond which fewer than three digits of the friction are
+known."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +257,9 @@ class Acceptance:
         return residual <= self.limit(rounding)
 
 
-Quantity = Literal["energy", "friction_resultant", "slip_length", "u_T"]  # u_T comes last, with its point
+Quantity = Literal[
+    "energy", "friction_resultant", "slip_length", "u_T"
+]  # u_T comes last, with its point
 PROVED = "error_bound"
 """What a study calls the proved bound of the error in the energy norm."""
 
@@ -243,8 +268,10 @@ PROVED = "error_bound"
 class Goal:
     """The number that meshes are refined for and whose error is estimated.
 
-    quantity: "energy": the displacement in the energy norm √a(u, u); "friction_resultant": ∫_{Γ_C} ξ [N/m];
-              "u_T": tangential displacement at the point `at` of Γ_C [m]; "slip_length": length that does not stick [m]
+    quantity: "energy": the displacement in the energy norm √a(u, u); "friction_resultant": ∫_{Γ_C}
+    ξ [N/m];
+              "u_T": tangential displacement at the point `at` of Γ_C [m]; "slip_length": length
+              that does not stick [m]
     known:    the exact value, if the study knows it; then the true error is stored beside the estimated one
     proved:   whether a tolerance is of the proved bound of the error in the energy norm, not of an estimate
     """
@@ -271,7 +298,8 @@ class MeshPlan:
     maxh:      element sizes; one per mesh
     levels:    number of levels; the most that there may be if there is a tolerance
     family:    with one maxh, what level i is: "uniform": the i-th uniform refinement; "graded": elements of size
-               maxh/2^i, smaller towards singular points; "adaptive": level i−1 refined where its error is large
+               maxh/2^i, smaller towards singular points; "adaptive": level i−1 refined where its
+               error is large
     grading:   exponent μ of graded meshes: h(r) ~ h (r/R)^(1−μ) at distance r from a singular point
     marking:   share of the estimated error (squared) that the triangles refined in one adaptive step carry
     goal:      what adaptive meshes are refined for, and what the tolerance is of
@@ -312,7 +340,8 @@ class MeshPlan:
 
     @property
     def open_ended(self) -> bool:
-        """True if a mesh, or the decision to stop at it, follows from the solutions on those before."""
+        """True if a mesh, or the decision to stop at it, follows from the solutions on those
+        before."""
         return self.strategy.adapts or self.tolerance is not None
 
     @property
@@ -327,7 +356,8 @@ Direction = Literal["both", "forward", "backward"]
 
 @dataclass(frozen=True)
 class PathPlan:
-    """The path of solutions along one parameter t in which the load is affine, l̃(t) = l̃₀ + t l̃₁ (section `path`).
+    """The path of solutions along one parameter t in which the load is affine, l̃(t) = l̃₀ + t l̃₁
+    (section `path`).
 
     parameter:  key path of t, e.g. ("heat", "theta_bar"), ("boundary", "top", "u_x"), ("loads", "f_x"); ("load",) is a
                 factor of all mechanical loads: f, g, pressure, force, moment
@@ -376,9 +406,9 @@ ALL = "all"
 """The word for all solutions beside the lowest one."""
 
 START_NAMES = ("zero", "frictionless", "neighbour", "escape", "exact")
-"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem, where these may not
-have led to the least energy the convexified problem and moves of single nodes (contact/descent.py), and the exact
-solution of the continuous problem where the study gives one."""
+"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem,
+where these may not have led to the least energy the convexified problem and moves of single nodes
+(contact/descent.py), and the exact solution of the continuous problem where the study gives one."""
 ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE, EXACT = range(len(START_NAMES))
 
 
@@ -390,7 +420,8 @@ class SolverPlan:
     tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
     max_iterations: iteration limit of bundle-newton, None for its own
     branch:         which solution is stored where several are found: the lowest found ("lowest": starts at
-                    zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
+                    zero, at the frictionless solution and at the neighbouring sweep point), the one
+                    that continues
                     the neighbour's ("continued"), or the one from zero ("from-zero")
     every:          whether all solutions are sought, and proved to be all, beside the lowest found (branch: all)
     max_boxes, max_seconds: where the search for all of one point ends (contact/all_solutions.py)
@@ -529,7 +560,8 @@ class Study:
 
     @property
     def kind(self) -> Literal["run", "path", "history", "fit"]:
-        """What `run` does: the first of the sections fit, history, path that there is, else the sweep's points."""
+        """What `run` does: the first of the sections fit, history, path that there is, else the
+        sweep's points."""
         return "fit" if self.fit else "history" if self.history else "path" if self.path else "run"
 
     @property
@@ -547,7 +579,8 @@ class Study:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One geometry of a sweep over numbers of the body or its meshes: its points share its mesh and factor.
+    """One geometry of a sweep over numbers of the body or its meshes: its points share its mesh and
+    factor.
 
     words:  its swept numbers, for messages
     places: (P,) its points in the sweep of the whole study, counted in C order

@@ -1,7 +1,8 @@
 """Physical dimensions and texts such as "210 GPa": a number and a unit, converted to SI.
 
-Units are known to pint; its registry is made when the first text with an unusual unit occurs. Left out on purpose:
-units with an offset (degC), because temperatures are counted from the stress-free state, and logarithmic units.
+Units are known to pint; its registry is made when the first text with an unusual unit occurs. Left
+out on purpose: units with an offset (degC), because temperatures are counted from the stress-free
+state, and logarithmic units.
 """
 
 from __future__ import annotations
@@ -53,22 +54,48 @@ PLAIN: dict[Dimension, dict[str, float]] = {
     LENGTH: {"km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
     TRACTION: {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
 }
-"""Units that need no parser beside the SI unit itself: pint takes a third of a second before its first answer."""
+"""Units that need no parser beside the SI unit itself: pint takes a third of a second before its
+first answer."""
 
-USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW", "W", "kW", "K", "kg", "s", "J")
+USUAL = (
+    "nm",
+    "um",
+    "mm",
+    "cm",
+    "m",
+    "Pa",
+    "kPa",
+    "MPa",
+    "GPa",
+    "N",
+    "kN",
+    "mW",
+    "W",
+    "kW",
+    "K",
+    "kg",
+    "s",
+    "J",
+)
 """Units that are suggested when one is misspelt in upper and lower case."""
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-QUANTITY = re.compile(rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL)
+QUANTITY = re.compile(
+    rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL
+)
 UNIT = re.compile(r"[A-Za-zµμΩΩ°%*/^()\s0-9_-]{1,60}")
 LONGEST = 2000
 """Characters of the longest text that may be a number with a unit."""
-SIGNS = str.maketrans({**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−–", "-"), "∕": "/", "⁄": "/"})
-"""Signs of products, quotients and exponents that ASCII writes otherwise; those of W·m⁻² are raised −2 (NFKC)."""
+SIGNS = str.maketrans(
+    {**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−–", "-"), "∕": "/", "⁄": "/"}
+)
+"""Signs of products, quotients and exponents that ASCII writes otherwise; those of W·m⁻² are raised
+−2 (NFKC)."""
 
 
 class UnitError(ValueError):
-    """A text with a unit that cannot be read, or has another dimension than expected: what is wrong, what to write."""
+    """A text with a unit that cannot be read, or has another dimension than expected: what is
+    wrong, what to write."""
 
     def __str__(self) -> str:
         """Both in one text."""
@@ -76,8 +103,11 @@ class UnitError(ValueError):
 
 
 def split_quantity(text: str) -> tuple[str, str] | None:
-    """The number and the unit of a text like "210 GPa"; None if it is not of that form (an expression, say)."""
-    match = QUANTITY.fullmatch(text) if len(text) <= LONGEST else None  # which takes the square of the length
+    """The number and the unit of a text like "210 GPa"; None if it is not of that form (an
+    expression, say)."""
+    match = (
+        QUANTITY.fullmatch(text) if len(text) <= LONGEST else None
+    )  # which takes the square of the length
     return (match[1], match[2]) if match else None
 
 
@@ -92,7 +122,9 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
     except (DecimalException, OverflowError):
         value = float("inf")
     if not abs(value) < float("inf"):
-        raise UnitError(f"{number} {unit} is too large for a number", f"write for example {dimension.example}")
+        raise UnitError(
+            f"{number} {unit} is too large for a number", f"write for example {dimension.example}"
+        )
     return value
 
 
@@ -101,14 +133,17 @@ DIMENSIONS = tuple(one for one in list(globals().values()) if isinstance(one, Di
 
 
 def common_unit(values: Iterable[object], dimension: Dimension) -> tuple[str, float]:
-    """The unit that all numbers of a study are written in, and its size in SI; the SI unit if they have none in common.
+    """The unit that all numbers of a study are written in, and its size in SI; the SI unit if they
+    have none in common.
 
     A zero needs no unit.
     """
     units = {str(value).lstrip("+-.0123456789eE ").rstrip() for value in values if value != 0}
     unit = units.pop() if len(units) == 1 else ""
     try:
-        return "µm" if unit == "um" else unit or dimension.si, to_si("1", unit, dimension) if unit else 1.0
+        return "µm" if unit == "um" else unit or dimension.si, to_si(
+            "1", unit, dimension
+        ) if unit else 1.0
     except UnitError:  # a text that its reader refuses
         return dimension.si, 1.0
 
@@ -124,9 +159,12 @@ def _factor(unit: str, dimension: Dimension) -> float:
     if unit == dimension.si or unit in PLAIN.get(dimension, ()):
         return 1.0 if unit == dimension.si else PLAIN[dimension][unit]
     example = f"write for example {dimension.example}"
-    spelt = re.sub(r"\s+", " ", unicodedata.normalize("NFKC", unit).translate(SIGNS).replace("**", "^"))
+    spelt = re.sub(
+        r"\s+", " ", unicodedata.normalize("NFKC", unit).translate(SIGNS).replace("**", "^")
+    )
     spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
-    # Exponents have one digit: a chain of powers is a typing error and could keep the unit library busy for ever.
+    # Exponents have one digit: a chain of powers is a typing error and could keep the unit library
+    # busy for ever.
     if not UNIT.fullmatch(spelt) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
         raise UnitError(f"{unit[:40]!r} is not a unit", _unknown_remedy(unit, dimension))
     units = registry()
@@ -134,7 +172,9 @@ def _factor(unit: str, dimension: Dimension) -> float:
         one = units.Quantity(1.0, units.parse_units(spelt))
         zero = units.Quantity(0.0, units.parse_units(spelt))
     except Exception:  # the parser of pint lets errors of its tokenizer and its arithmetic through
-        raise UnitError(f"{unit[:40]!r} is not a known unit", _unknown_remedy(unit, dimension)) from None
+        raise UnitError(
+            f"{unit[:40]!r} is not a known unit", _unknown_remedy(unit, dimension)
+        ) from None
     if not one.is_compatible_with(dimension.si or "dimensionless"):
         raise UnitError(f"{unit!r} is not a unit of {dimension.name}{in_si(dimension)}", example)
     if dimension == TEMPERATURE and zero.to("K").magnitude != 0.0:
@@ -177,7 +217,8 @@ class Named(NamedTuple):
 
 
 def units_of(expression: Expression, named: Mapping[str, Named]) -> Any:
-    """Exponents of the base units of an expression with names in it; None where coordinates leave them open.
+    """Exponents of the base units of an expression with names in it; None where coordinates leave
+    them open.
 
     Raises UnitError where units do not go together.
     """
@@ -186,7 +227,10 @@ def units_of(expression: Expression, named: Mapping[str, Named]) -> Any:
     from pint import DimensionalityError
 
     quantity = registry().Quantity
-    given = {name: quantity(np.float64(one.value), one.dimension.si or "dimensionless") for name, one in named.items()}
+    given = {
+        name: quantity(np.float64(one.value), one.dimension.si or "dimensionless")
+        for name, one in named.items()
+    }
     try:
         with np.errstate(all="ignore"):
             return getattr(expression.fold(given), "dimensionality", dimensions_of(""))
@@ -208,8 +252,8 @@ _parsed = lru_cache(maxsize=4096)(parse)
 def expression_of(text: str, named: Mapping[str, Named], dimension: Dimension | None) -> Expression:
     """An expression in x and y, its names bound to their numbers.
 
-    dimension: that it must have, unless it is a plain number, as any number may be; None where units are none
-    Raises ExpressionError, UnitError.
+    dimension: that it must have, unless it is a plain number, as any number may be; None where
+    units are none Raises ExpressionError, UnitError.
     """
     found = _parsed(text, tuple(named))
     if not named or found.variables <= {*VARIABLES}:

@@ -1,7 +1,8 @@
 """Plane shapes: loops of lines and circular arcs, their exact measures, distances and normals;
 polygons close to them, and points inside a body at which expressions are looked at.
 
-Triangles of a mesh: areas, gradients of P1 functions, barycentric coordinates; each once for a mesh.
+Triangles of a mesh: areas, gradients of P1 functions, barycentric coordinates; each once for a
+mesh.
 """
 
 from __future__ import annotations
@@ -29,11 +30,12 @@ MAX_SEGMENTS = 20_000
 
 GRID = 40
 SHIFT = 0.38
-"""Where the points lie between lines of the grid: not in the middle, where symmetric functions vanish or bend."""
+"""Where the points lie between lines of the grid: not in the middle, where symmetric functions
+vanish or bend."""
 
 INWARD = 1e-10
-"""Share of the body's size, or of a grid's width, by which points lie off edges and kinks where slopes are taken: there
-abs(y) or atan2 may round to the other side."""
+"""Share of the body's size, or of a grid's width, by which points lie off edges and kinks where
+slopes are taken: there abs(y) or atan2 may round to the other side."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class Arc:
 
 @dataclass(frozen=True)
 class Side:
-    """What leaves a corner: name of an edge and tag of its piece, no name of an interface; its unit tangent there."""
+    """What leaves a corner: name of an edge and tag of its piece, no name of an interface; its unit
+    tangent there."""
 
     name: str
     away: Point
@@ -74,7 +77,8 @@ class Junction:
 
     @property
     def cut(self) -> bool:
-        """Whether it is a corner of interfaces alone, which may end at one piece of the boundary."""
+        """Whether it is a corner of interfaces alone, which may end at one piece of the
+        boundary."""
         return self.within or self.sides[0].tag == self.sides[-1].tag
 
 
@@ -88,14 +92,17 @@ def circle_loop(center: Point, radius: float, name: str) -> Loop:
 SIDES = ("bottom", "right", "top", "left")
 
 
-def rectangle_loop(corner: Point, width: float, height: float, names: Sequence[str] = SIDES) -> Loop:
+def rectangle_loop(
+    corner: Point, width: float, height: float, names: Sequence[str] = SIDES
+) -> Loop:
     """An upright rectangle from its lower left corner."""
     (x, y), (x1, y1) = corner, (corner[0] + width, corner[1] + height)
     return polygon_loop([(x, y), (x1, y), (x1, y1), (x, y1)], names)
 
 
 def polygon_loop(points: Sequence[Point], names: str | Sequence[str]) -> Loop:
-    """A polygon; edge i leads from point i to the next. `names` is one for each edge, or one for all."""
+    """A polygon; edge i leads from point i to the next. `names` is one for each edge, or one for
+    all."""
     each = [names] * len(points) if isinstance(names, str) else list(names)
     following = [*points[1:], *points[:1]]
     return Loop(tuple(Edge(a, b, name) for a, b, name in zip(points, following, each, strict=True)))
@@ -104,8 +111,8 @@ def polygon_loop(points: Sequence[Point], names: str | Sequence[str]) -> Loop:
 def edge_arc(edge: Edge) -> Arc | None:
     """The arc of an edge, from start, through-point and end; None if the edge is straight.
 
-    The sweep is 2·atan2(a × b, a · b) with the chords a = through − start, b = end − through (inscribed angle).
-    Raises ValueError if the three points lie on a line.
+    The sweep is 2·atan2(a × b, a · b) with the chords a = through − start, b = end − through
+    (inscribed angle). Raises ValueError if the three points lie on a line.
     """
     if edge.through is None:
         return None
@@ -144,7 +151,8 @@ def edge_points(edge: Edge, count: int) -> Array:
 
 
 def edge_normal(edge: Edge, points: ArrayLike) -> Array:
-    """(n, 2) unit normals at (n, 2) points on the edge, to its right: outward for a counter-clockwise loop.
+    """(n, 2) unit normals at (n, 2) points on the edge, to its right: outward for a
+    counter-clockwise loop.
 
     Exact for lines and arcs. On a hole they point out of the hole, into the body.
     """
@@ -166,14 +174,19 @@ def edge_distance(edge: Edge, points: ArrayLike) -> Array:
         t = np.clip((points - start) @ chord / (chord @ chord), 0.0, 1.0)
         return np.asarray(np.linalg.norm(points - start - t[:, None] * chord, axis=1))
     radial = points - np.array(arc.center)
-    swept = math.copysign(1.0, arc.sweep) * (np.arctan2(radial[:, 1], radial[:, 0]) - arc.start) % (2.0 * math.pi)
+    swept = (
+        math.copysign(1.0, arc.sweep)
+        * (np.arctan2(radial[:, 1], radial[:, 0]) - arc.start)
+        % (2.0 * math.pi)
+    )
     ends = np.minimum(np.linalg.norm(points - start, axis=1), np.linalg.norm(points - end, axis=1))
     off = np.abs(np.linalg.norm(radial, axis=1) - arc.radius)
     return np.where(swept <= abs(arc.sweep), off, ends)
 
 
 def loop_area(loop: Loop) -> float:
-    """Exact area, negative if the loop is clockwise: polygon of the vertices plus the segments under the arcs."""
+    """Exact area, negative if the loop is clockwise: polygon of the vertices plus the segments
+    under the arcs."""
     area, origin = 0.0, loop.edges[0].start
     for edge in loop.edges:
         (ax, ay), (bx, by) = _minus(edge.start, origin), _minus(edge.end, origin)
@@ -200,7 +213,8 @@ def loop_size(loop: Loop) -> float:
 
 
 def boundary_lengths(body: Body) -> dict[str, float]:
-    """Exact total length of the edges of each name, outline and holes, in the order of the study."""
+    """Exact total length of the edges of each name, outline and holes, in the order of the
+    study."""
     lengths: dict[str, float] = {}
     for edge in body.edges:
         lengths[edge.name] = lengths.get(edge.name, 0.0) + edge_length(edge)
@@ -232,7 +246,9 @@ def _extremes(edge: Edge) -> list[Point]:
 def edge_line(edge: Edge, size: float) -> BaseGeometry:
     """The edge as a fine polygonal line: no farther than FLATNESS · size from an arc."""
     arc = edge_arc(edge)
-    exact = math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size))) if arc else 0
+    exact = (
+        math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size))) if arc else 0
+    )
     count = min(8 + exact, MAX_SEGMENTS) if arc else 1
     return shapely.linestrings(edge_points(edge, count))
 
@@ -253,7 +269,8 @@ def body_polygon(body: Body) -> BaseGeometry:
 
 
 def grid(body: Body, count: int = GRID) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """A grid over the bounding box, x and y (count, count), and which of its points lie inside the body."""
+    """A grid over the bounding box, x and y (count, count), and which of its points lie inside the
+    body."""
     polygon = body_polygon(body)
     x0, y0, x1, y1 = polygon.bounds
     t = (np.arange(count) + SHIFT) / count
@@ -282,7 +299,8 @@ def doubled_areas(corners: Array) -> Array:
 
 
 def segment_mass(ends: Indices, lengths: Array, size: int) -> Array:
-    """(size, size) ∫φ_iφ_j of P1 over segments. ends: (s, 2) numbers of their nodes, −1 for one that is left out"""
+    """(size, size) ∫φ_iφ_j of P1 over segments. ends: (s, 2) numbers of their nodes, −1 for one
+    that is left out"""
     M = np.zeros((size + 1, size + 1))  # what is left out goes to the last row
     for i in (0, 1):
         for j in (0, 1):
@@ -299,17 +317,20 @@ class TriangleGeometry:
 
     @cached_property
     def sides(self) -> Indices:
-        """(3t, 2) nodes of the sides, the triangle on their left: side 3i + k of triangle i leads from its corner k."""
+        """(3t, 2) nodes of the sides, the triangle on their left: side 3i + k of triangle i leads
+        from its corner k."""
         return self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
     @cached_property
     def edges(self) -> tuple[Indices, Indices]:
-        """(e, 2) the edges, ends ascending, and (t, 3) those of every triangle in the order of `sides`."""
+        """(e, 2) the edges, ends ascending, and (t, 3) those of every triangle in the order of
+        `sides`."""
         edges, of = np.unique(np.sort(self.sides, axis=1), axis=0, return_inverse=True)
         return edges, of.reshape(-1, 3)
 
     def sides_at(self, pairs: Indices) -> Indices:
-        """(s,) which of the sides leads from one node to the other of pairs (s, 2); −1 where none does."""
+        """(s,) which of the sides leads from one node to the other of pairs (s, 2); −1 where none
+        does."""
         n = len(self.points)
         keys, wanted = self.sides[:, 0] * n + self.sides[:, 1], pairs[:, 0] * n + pairs[:, 1]
         order = np.argsort(keys)
@@ -358,5 +379,6 @@ class TriangleGeometry:
         return sp.csr_array(sp.coo_array(entries, shape=(len(self.points), t)))
 
     def barycentric(self, at: Array, of: Indices | slice = slice(None)) -> Array:
-        """(q, 3) barycentric coordinates of points (q, 2), or of one, in the triangles `of`, by default all."""
+        """(q, 3) barycentric coordinates of points (q, 2), or of one, in the triangles `of`, by
+        default all."""
         return 1.0 / 3.0 + np.einsum("tkd,td->tk", self.slopes[of], at - self.centres[of])

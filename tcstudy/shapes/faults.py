@@ -1,14 +1,17 @@
-"""What is wrong with a body, found before the mesher sees it: with each closed chain of edges by itself (open, crossed,
-clockwise, with slits or without area), and with holes and regions among one another.
+"""What is wrong with a body, found before the mesher sees it: with each closed chain of edges by
+itself (open, crossed, clockwise, with slits or without area), and with holes and regions among one
+another.
 
-The mesher hangs, crashes or silently meshes something else when the outline is open, crossed, clockwise or has
-slivers; so a body is judged here first, and every fault is named with its place and its remedy.
-Left out: faces read from STEP or BREP files, whose shape only their reader knows (see tcstudy.study.lint).
+The mesher hangs, crashes or silently meshes something else when the outline is open, crossed,
+clockwise or has slivers; so a body is judged here first, and every fault is named with its place
+and its remedy. Left out: faces read from STEP or BREP files, whose shape only their reader knows
+(see tcstudy.study.lint).
 
-Snapping: corners of regions are meant to lie on the boundary of the body, or of one another, and miss it by rounding.
-Six digits of a corner on a slanted edge miss it by 1e-7 of the body. The kernel would cut a sliver there, or take the
-region's edge for a piece of the boundary. So corners of regions within NEAR of a corner or an edge are moved there, and
-edges of regions that pass a corner of another loop so closely get a corner there. Arcs of regions stay as they are.
+Snapping: corners of regions are meant to lie on the boundary of the body, or of one another, and
+miss it by rounding. Six digits of a corner on a slanted edge miss it by 1e-7 of the body. The
+kernel would cut a sliver there, or take the region's edge for a piece of the boundary. So corners
+of regions within NEAR of a corner or an edge are moved there, and edges of regions that pass a
+corner of another loop so closely get a corner there. Arcs of regions stay as they are.
 """
 
 from __future__ import annotations
@@ -46,7 +49,8 @@ MAX_FAULTS = 20
 """Most faults of one kind that are named for one loop."""
 
 LARGEST, SMALLEST = (bound**0.25 for bound in (sys.float_info.max, sys.float_info.min))
-"""Numbers whose fourth powers, as shapes and energies need them, are still floating-point numbers."""
+"""Numbers whose fourth powers, as shapes and energies need them, are still floating-point
+numbers."""
 
 SHARPEST = 1e-4
 """Smallest angle of a corner [rad]."""
@@ -73,7 +77,11 @@ def loop_faults(loop: Loop, place: str, size: float, kinds: Sequence[Kind] = ())
     """
     for kind in kinds or KINDS:
         faults = [
-            Fault(f"{place}[{i}]" if place == "body.outline" and i is not None else place, what, remedy)
+            Fault(
+                f"{place}[{i}]" if place == "body.outline" and i is not None else place,
+                what,
+                remedy,
+            )
             for i, what, remedy in islice(kind(loop, size), MAX_FAULTS)
         ]
         if faults:
@@ -109,13 +117,21 @@ def _coordinates(loop: Loop, _: float) -> Found:
             yield i, what, "give finite numbers; check the number and its unit"
             return
     if loop.edges and 0.0 < (size := rough_size(loop)) < SMALLEST:
-        yield None, f"the size {size:.3g} is too small to compute with", "check the numbers and their unit"
+        yield (
+            None,
+            f"the size {size:.3g} is too small to compute with",
+            "check the numbers and their unit",
+        )
 
 
 def _chain(loop: Loop, _: float) -> Found:
     least = 2 if any(edge.through for edge in loop.edges) else 3
     if len(loop.edges) < least:
-        yield None, f"{len(loop.edges) or 'no'} edges do not enclose an area", f"give at least {least} edges"
+        yield (
+            None,
+            f"{len(loop.edges) or 'no'} edges do not enclose an area",
+            f"give at least {least} edges",
+        )
         return
     for i, (edge, following) in enumerate(loop.corners):
         if edge.end != following.start:
@@ -128,18 +144,26 @@ def _edges(loop: Loop, size: float) -> Found:
     for i, edge in enumerate(loop.edges):
         chord = math.dist(edge.start, edge.end)
         if chord <= TOLERANCE * size:
-            what = f"{_label(loop, i)} has length {chord:.3g}" if chord else f"{_label(loop, i)} has no length"
+            what = (
+                f"{_label(loop, i)} has length {chord:.3g}"
+                if chord
+                else f"{_label(loop, i)} has no length"
+            )
             remedy = f"its ends must be more than {TOLERANCE * size:.3g} apart; remove a point, or split a full circle"
             yield i, f"{what}: it ends where it begins, at {spot(edge.start)}", remedy
         elif edge.through is not None:
-            (ax, ay), (cx, cy) = np.subtract(edge.through, edge.start), np.subtract(edge.end, edge.start)
+            (ax, ay), (cx, cy) = (
+                np.subtract(edge.through, edge.start),
+                np.subtract(edge.end, edge.start),
+            )
             if abs(ax * cy - ay * cx) <= TOLERANCE * chord * chord:
                 what = f"the through-point {spot(edge.through)} of {_label(loop, i)} lies on the line of its ends"
                 yield i, what, "leave out through for a straight edge"
 
 
 def _crossings(loop: Loop, size: float) -> Found:
-    """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex, each place once."""
+    """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex,
+    each place once."""
     gap, lines, seen = TOLERANCE * size, [edge_line(edge, size) for edge in loop.edges], set[str]()
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
     for i, j in sorted((int(i), int(j)) for i, j in pairs.T if i < j):
@@ -159,8 +183,13 @@ def _crossings(loop: Loop, size: float) -> Found:
 def _corners(loop: Loop, _: float) -> Found:
     """Corners without an angle, where an edge runs back along the one before."""
     for i, (edge, following) in enumerate(loop.corners):
-        arriving, leaving = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
-        turn = math.atan2(arriving[0] * leaving[1] - arriving[1] * leaving[0], float(arriving @ leaving))
+        arriving, leaving = (
+            edge_normal(edge, [edge.end])[0],
+            edge_normal(following, [following.start])[0],
+        )
+        turn = math.atan2(
+            arriving[0] * leaving[1] - arriving[1] * leaving[0], float(arriving @ leaving)
+        )
         if abs(turn) > math.pi - SHARPEST:
             j = (i + 1) % len(loop.edges)
             what = f"{_label(loop, j)} runs back along {_label(loop, i)} from {spot(edge.end)}"
@@ -170,7 +199,10 @@ def _corners(loop: Loop, _: float) -> Found:
 def _turn(loop: Loop, _: float) -> Found:
     if loop_area(loop) > 0.0:
         return
-    what, remedy = "the points run clockwise", "reverse the order of the points: counter-clockwise is expected"
+    what, remedy = (
+        "the points run clockwise",
+        "reverse the order of the points: counter-clockwise is expected",
+    )
     if loop_area(_straight(loop)) > 0.0:
         what = "an arc goes around the body on its wrong side: the points run counter-clockwise, the boundary clockwise"
         remedy = "an edge's through lies between its from and the from of the next edge"
@@ -178,7 +210,8 @@ def _turn(loop: Loop, _: float) -> Found:
 
 
 FORM = (_coordinates, _chain, _edges)
-"""Faults without which every edge has a length and every arc a circle, whatever the loop encloses."""
+"""Faults without which every edge has a length and every arc a circle, whatever the loop
+encloses."""
 KINDS = (*FORM, _crossings, _corners, _turn)
 
 
@@ -187,12 +220,14 @@ def _straight(loop: Loop) -> Loop:
 
 
 def has_edges(loop: Loop) -> bool:
-    """Whether every edge of a loop has a length and every arc a circle, whatever the loop encloses."""
+    """Whether every edge of a loop has a length and every arc a circle, whatever the loop
+    encloses."""
     return bool(loop.edges) and not loop_faults(loop, "", rough_size(loop), FORM)
 
 
 def turned(loop: Loop) -> Loop:
-    """The loop with its edges the other way round if it is clockwise and nothing else is wrong with it."""
+    """The loop with its edges the other way round if it is clockwise and nothing else is wrong with
+    it."""
     if not has_edges(loop) or loop_area(loop) >= 0.0:
         return loop
     edges = (replace(edge, start=edge.end, end=edge.start) for edge in reversed(loop.edges))
@@ -204,14 +239,16 @@ def turned(loop: Loop) -> Loop:
 def check_body(body: Body) -> list[Fault]:
     """Everything that is wrong with a body and its regions; empty if it can be meshed.
 
-    Lengths are compared with the size of the body. Holes and regions are compared with one another and with the
-    outline only where each is sound by itself.
+    Lengths are compared with the size of the body. Holes and regions are compared with one another
+    and with the outline only where each is sound by itself.
     """
     outline = [] if body.outline is None else [("body.outline", body.outline)]
     holes = [(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)]
     regions = [(f"body.regions.{region.name}", region.loop) for region in body.regions]
     first = outline or regions  # where the body is not known yet, its regions alone
-    faults = [fault for place, loop in first for fault in loop_faults(loop, place, 0.0, (_coordinates,))]
+    faults = [
+        fault for place, loop in first for fault in loop_faults(loop, place, 0.0, (_coordinates,))
+    ]
     if faults or not first:
         return faults
     size = max((rough_size(loop) for _, loop in first if loop.edges), default=0.0)
@@ -236,11 +273,13 @@ def _placed(
     others: Sequence[tuple[str, BaseGeometry]],
     gap: float,
 ) -> Iterator[tuple[str, str]]:
-    """What is wrong with the place of a hole or a region: holes keep clear of the outline and of one another; regions
-    may share boundary with all, but no area."""
+    """What is wrong with the place of a hole or a region: holes keep clear of the outline and of
+    one another; regions may share boundary with all, but no area."""
     if "holes" in place:
         if outline is not None and shapely.dwithin(shape.exterior, outline.exterior, gap):
-            at = spot(shapely.get_coordinates(shapely.shortest_line(shape.exterior, outline.exterior))[0])
+            at = spot(
+                shapely.get_coordinates(shapely.shortest_line(shape.exterior, outline.exterior))[0]
+            )
             what = f"the hole touches or crosses the outline at {at}"
             yield what, "keep holes inside, or draw the outline around the notch"
         elif outline is not None and not shapely.contains(outline, shape):
@@ -249,18 +288,27 @@ def _placed(
         for name, other in others:
             if shapely.dwithin(other, shape, gap):
                 at = spot(shapely.get_coordinates(shapely.shortest_line(shape, other))[0])
-                yield f"the hole overlaps or touches {name} at {at}", "move them apart, or draw them as one hole"
+                yield (
+                    f"the hole overlaps or touches {name} at {at}",
+                    "move them apart, or draw them as one hole",
+                )
         return
     slack = min(gap * shape.length, 0.1 * shape.area)
     if outline is not None and shapely.intersection(shape, outline).area <= slack:
-        yield "the region lies outside the body", "move it inside the outline; check its numbers and their units"
+        yield (
+            "the region lies outside the body",
+            "move it inside the outline; check its numbers and their units",
+        )
     elif outline is not None and (outside := shapely.difference(shape, outline)).area > slack:
         remedy = "keep it within the outline, it may end on it; check its numbers and their units"
         yield f"the region leaves the body near {_inside(outside)}", remedy
     for name, other in others:
         common = shapely.intersection(shape, other)
         if common.area > min(slack, gap * other.length, 0.1 * other.area):
-            yield f"the region overlaps {name} near {_inside(common)}", "keep them apart; they may share an edge"
+            yield (
+                f"the region overlaps {name} near {_inside(common)}",
+                "keep them apart; they may share an edge",
+            )
 
 
 def _inside(shape: BaseGeometry) -> str:
@@ -278,7 +326,9 @@ def snapped(body: Body) -> Body:
     loops = [*body.loops] if body.outline is not None else []
     if not all(map(has_edges, [*loops, *(region.loop for region in body.regions)])):
         return body
-    size = max((loop_size(loop) for loop in loops or [region.loop for region in body.regions]), default=0.0)
+    size = max(
+        (loop_size(loop) for loop in loops or [region.loop for region in body.regions]), default=0.0
+    )
     regions: list[Region] = []
     for region in body.regions:
         edges = [edge for loop in (*loops, region.loop) for edge in loop.edges]
@@ -294,8 +344,14 @@ def _onto(loop: Loop, others: Sequence[Loop], near: float) -> tuple[Loop, float]
     targets = [edge for other in others for edge in other.edges]
     if not targets or any(edge.through for edge in loop.edges):
         return loop, 0.0
-    placed, corners = [edge.start for edge in loop.edges], np.array([edge.start for edge in targets])
-    old, away = shapely.polygons(placed), np.array([edge_distance(edge, placed) for edge in targets])
+    placed, corners = (
+        [edge.start for edge in loop.edges],
+        np.array([edge.start for edge in targets]),
+    )
+    old, away = (
+        shapely.polygons(placed),
+        np.array([edge_distance(edge, placed) for edge in targets]),
+    )
     for i, point in enumerate(placed):
         edge = targets[int(away[:, i].argmin())]
         if away[:, i].min() > near:

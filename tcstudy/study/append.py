@@ -1,12 +1,13 @@
 """Finished files that grow: points are added to them, those that broke down are solved again.
 
-Points are found by the labels of their swept parameters, so that a list and a grid, axes in another order and sweeps
-that overlap have their points in common. What a file has is read back as records, as a run finds in its journal what
-one that was stopped has left, and written again, to the bit; of a sweep over geometries every geometry by itself.
+Points are found by the labels of their swept parameters, so that a list and a grid, axes in another
+order and sweeps that overlap have their points in common. What a file has is read back as records,
+as a run finds in its journal what one that was stopped has left, and written again, to the bit; of
+a sweep over geometries every geometry by itself.
 
-The study of both is the newer one if its sweep has the points of the file, as it has when the sweep has grown; else it
-is one of its own: the text of the newer one with the option `sweep={…}`, as `--set` would put it: the grid of the
-values of two grids, with a list the list of all points.
+The study of both is the newer one if its sweep has the points of the file, as it has when the sweep
+has grown; else it is one of its own: the text of the newer one with the option `sweep={…}`, as
+`--set` would put it: the grid of the values of two grids, with a list the list of all points.
 """
 
 from __future__ import annotations
@@ -31,13 +32,16 @@ def appended(path: Path, new: Study) -> tuple[Study, Study]:
     old = stored_study(path, new.source)
     if found := differences(old, new):
         remedy = "give another --output, or --force to compute all anew"
-        raise StoreError(f"{path} holds another study, not only another sweep ({'; '.join(found[:5])}); {remedy}")
+        raise StoreError(
+            f"{path} holds another study, not only another sweep ({'; '.join(found[:5])}); {remedy}"
+        )
     return old, merge_studies(old, new)
 
 
 def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> Study:
-    """The study of a file of this kind. source: file of a study beside which its geometry lies, if any.
-    Raises StoreError if it is of another, was computed by another version, or if its study cannot be read again."""
+    """The study of a file of this kind. source: file of a study beside which its geometry lies, if
+    any. Raises StoreError if it is of another, was computed by another version, or if its study
+    cannot be read again."""
     found = attributes(path)
     holds(path, kind, None)
     overrides = tuple(filter(None, str(found["overrides"]).split("\n")))
@@ -49,7 +53,9 @@ def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> 
             f"the study in {path} cannot be read again ({what}); a geometry must be in its place"
         ) from error
     if study.scenes[0].body.brep is not None and study_sha256(study) != found["study_sha256"]:
-        raise StoreError(f"{path} was computed for another geometry file; run its study again with --force")
+        raise StoreError(
+            f"{path} was computed for another geometry file; run its study again with --force"
+        )
     if study.mesh.open_ended:
         why = "its meshes follow from the solutions at all points of its sweep"
         raise StoreError(f"{path} cannot be added to: {why}; run the whole study with --force")
@@ -57,22 +63,29 @@ def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> 
 
 
 def merge_studies(old: Study, new: Study) -> Study:
-    """The study with the points of both; one of the two where it has them all. Raises StoreError, StudyError.
-    Title, output and the like are those of the new one."""
+    """The study with the points of both; one of the two where it has them all. Raises StoreError,
+    StudyError. Title, output and the like are those of the new one."""
     for one, other in ((new, old), (old, new)):
         if np.all(places_in(one, other) >= 0):
             return one
     if old.design is not None or new.design is not None:
         keep = "keep mode, seed and distributions, and double the points of a latin-hypercube"
-        raise StoreError(f"the points of the file are not the first of this design; {keep}, or give another --output")
+        raise StoreError(
+            f"the points of the file are not the first of this design; {keep}, or give another --output"
+        )
     if old.mode == new.mode == "grid":
-        columns = [[*dict([*one.labelled(), *_axis(new, one.path).labelled()]).items()] for one in old.axes]
+        columns = [
+            [*dict([*one.labelled(), *_axis(new, one.path).labelled()]).items()] for one in old.axes
+        ]
     else:
         every = (point for study in (old, new) for point in points_of(study, old, Axis.labelled))
         points = {tuple(label for label, _ in point): point for point in every}
         columns = [[*column] for column in zip(*points.values(), strict=True)]
     pairs = [zip(*column, strict=True) for column in columns]
-    axes = [replace(axis, labels=labels, values=values) for axis, (labels, values) in zip(old.axes, pairs, strict=True)]
+    axes = [
+        replace(axis, labels=labels, values=values)
+        for axis, (labels, values) in zip(old.axes, pairs, strict=True)
+    ]
     name = str(new.source) if new.source is not None else "<text>"
     mode = "grid" if old.mode == new.mode == "grid" else "list"
     return read_study_text(new.text, name, with_sweep(new.overrides, mode, axes), new.source)
@@ -85,11 +98,13 @@ def _axis(study: Study, path: tuple[str, ...]) -> Axis:
 
 DECIDE_NOTHING = ("title", "institution", "path", "output was", "output.path", "output.live")
 FREE = ("sweep", *DECIDE_NOTHING)
-"""How what is said of keys begins in which studies may differ: they decide nothing about a point."""
+"""How what is said of keys begins in which studies may differ: they decide nothing about a
+point."""
 
 
 def differences(old: Study, new: Study, free: tuple[str, ...] = FREE) -> list[str]:
-    """What differs beside what is free, "key was value, is value" each; empty if the studies are one."""
+    """What differs beside what is free, "key was value, is value" each; empty if the studies are
+    one."""
     swept = [{".".join(axis.path) for axis in study.axes} for study in (old, new)]
     if swept[0] != swept[1]:
         before, now = (", ".join(sorted(names)) or "nothing" for names in swept)
@@ -101,6 +116,9 @@ def differences(old: Study, new: Study, free: tuple[str, ...] = FREE) -> list[st
             lines.append(f"{key} was swept by texts, or is")
         for label, value in axis.labelled():
             if isinstance(label, str) and values.get(label, value) != value:
-                was, now = (shortened(json.dumps(v, ensure_ascii=False), 120) for v in (value, values[label]))
+                was, now = (
+                    shortened(json.dumps(v, ensure_ascii=False), 120)
+                    for v in (value, values[label])
+                )
                 lines.append(f"{key}.{label} was {was}, is {now}")
     return lines

@@ -1,8 +1,9 @@
-"""The convergence of a study over its levels: errors, rates beside the orders to expect, extrapolated numbers.
+"""The convergence of a study over its levels: errors, rates beside the orders to expect,
+extrapolated numbers.
 
-Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS levels, compared with
-levels at least 2^GAP times coarser (what its own error adds is then below 4^-GAP of a smooth error's square), itself
-not part of any fit; else none, and only numbers are extrapolated.
+Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS levels,
+compared with levels at least 2^GAP times coarser (what its own error adds is then below 4^-GAP of a
+smooth error's square), itself not part of any fit; else none, and only numbers are extrapolated.
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record
 from tcstudy.data.tables import BY_ITSELF, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
-from tcstudy.exact.solution import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
+from tcstudy.exact.solution import (
+    exact_energy,
+    exact_friction_resultant,
+    exact_slip_length,
+    exact_xi,
+)
 from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study
@@ -62,9 +68,11 @@ NOTABLE = 0.1
 """Share of the largest ξ from which on ξ beside a held end decides about orders."""
 
 
-def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
-    """Expected orders from corners, stick and slip on the finest level, or as the study gives them; where a node beside
-    a held one carries next to no ξ, that it is makes no difference.
+def orders_to_expect(
+    study: Study, finest: SolvedLevel, solution: Solution, scene: Scene
+) -> dict[str, Expected]:
+    """Expected orders from corners, stick and slip on the finest level, or as the study gives them;
+    where a node beside a held one carries next to no ξ, that it is makes no difference.
     """
     sticks, line = solution.sticks, finest.line
     mixed = solution.ok and 0 < int(np.count_nonzero(sticks)) < len(sticks)
@@ -77,22 +85,29 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
     edges = [line.edge_names[e] for e in line.edge] if solution.ok else ()
     corners = vertices(finest.mesh.geometry.corners, scene, sticking_near(edges, line.xy, sticks))
     graded = graded_points(study)
-    found = smoothness(corners, mixed, [graded.get(one.at, 1.0) for one in corners], scene.material.expands)
+    found = smoothness(
+        corners, mixed, [graded.get(one.at, 1.0) for one in corners], scene.material.expands
+    )
     return expected_orders(found, analysed=not any(math.isnan(one.exponent) for one in corners))
 
 
 def own_error(order: float) -> float:
-    """How much larger than `order` the finest rate may look because the reference has an error of its own.
+    """How much larger than `order` the finest rate may look because the reference has an error of
+    its own.
 
-    Errors e_i ~ h_i^p seen as e_i − e_ref have the rate p + log₂((1 − 2^{−p(GAP+1)})/(1 − 2^{−p GAP})).
+    Errors e_i ~ h_i^p seen as e_i − e_ref have the rate p + log₂((1 − 2^{−p(GAP+1)})/(1 − 2^{−p
+    GAP})).
     """
     if order <= 0.0:
         return math.inf
     return math.log2((1 - 2 ** (-order * (GAP + 1))) / (1 - 2 ** (-order * GAP)))
 
 
-def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analysed: bool = True) -> str:
-    """What the rates say, of data.tables.VERDICTS. log: how far below `expected` a factor |log h| puts them"""
+def verdict(
+    fitted: Fit, expected: float, nested: bool, log: float = 0.0, analysed: bool = True
+) -> str:
+    """What the rates say, of data.tables.VERDICTS. log: how far below `expected` a factor |log h|
+    puts them"""
     if fitted.exact:
         return "exact"
     if np.count_nonzero(np.isfinite(fitted.rate)) < 2:
@@ -100,25 +115,38 @@ def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analys
     if not fitted.settled:
         return "pre_asymptotic"
     margin = max(NEAR, 2 * fitted.slope_error if math.isfinite(fitted.slope_error) else 0.0)
-    if -margin - log <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
+    if (
+        -margin - log
+        <= fitted.slope - expected
+        <= margin + (own_error(expected) if nested else 0.0)
+    ):
         return "as_expected"
     return "faster" if fitted.slope > expected else "slower" if analysed else "unknown"
 
 
 MIN_LEVELS = GAP + 2
 COARSER = 0.9
-"""Share of 2^GAP by which a compared level is coarser than the reference at least: longest edges scatter."""
+"""Share of 2^GAP by which a compared level is coarser than the reference at least: longest edges
+scatter."""
 STUCK = 0.95
-"""Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest corner gives less."""
+"""Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest
+corner gives less."""
 
 
-def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> None:
-    """Measure the convergence of a study into a file. Raises ConvergenceError, StoreError, GeometryFailed."""
+def converge_to_file(
+    study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)
+) -> None:
+    """Measure the convergence of a study into a file. Raises ConvergenceError, StoreError,
+    GeometryFailed."""
     if study.mesh.levels < 2:
-        raise ConvergenceError("one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4")
+        raise ConvergenceError(
+            "one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4"
+        )
     if study.mesh.strategy.adapts:
         what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
-        raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
+        raise ConvergenceError(
+            f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform"
+        )
     to_file(path, study, command, lambda: converge(study, say))
 
 
@@ -127,7 +155,9 @@ def converge(study: Study, say: Say = lambda text: None) -> Record:
 
     Raises GeometryFailed if the body cannot be meshed, of several geometries if none can.
     """
-    points: list[Mapping[str, Any]] = [{"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}]
+    points: list[Mapping[str, Any]] = [
+        {"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}
+    ]
     points *= len(study.scenes)
     references, notes, lost = list[str](), list[tuple[str, list[str]]](), list[str]()
     for body in study.bodies:
@@ -157,7 +187,8 @@ def converge(study: Study, say: Say = lambda text: None) -> Record:
 
 
 def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], str, list[str]]:
-    """Points, the reference in words and notes of a study with one body, as of `convergence_record`."""
+    """Points, the reference in words and notes of a study with one body, as of
+    `convergence_record`."""
     with threadpool_limits(1, user_api="blas"):
         levels = solve_levels(study, say)
         reference, words, compared, notes = _reference(study, levels)
@@ -168,7 +199,9 @@ def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], str, list[st
     return points, words, [*notes, *_notes(study, levels, reference, points)]
 
 
-def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | None, str, Mask, list[str]]:
+def _reference(
+    study: Study, levels: list[SolvedLevel]
+) -> tuple[Reference | None, str, Mask, list[str]]:
     """What errors are measured against, in words, the levels compared with it, and remarks."""
     n = len(levels)
     if study.exact is not None:
@@ -186,10 +219,9 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     words = f"level {n - 1}, the finest (levels compared are at least {2**GAP} times coarser; {skipped})"
     areas = [float(level.mesh.area.sum()) for level in levels]
     apart = (
-        "Levels are no uniform refinements of one another, or the boundary is curved: a coarse solution counts on each "
-    )
-    apart += (
-        "triangle of the reference as what it is at its centre, which is exact where the reference refines its mesh."
+        "Levels are no uniform refinements of one another, or the boundary is curved: a coarse "
+        "solution counts on each triangle of the reference as what it is at its centre, which is "
+        "exact where the reference refines its mesh."
     )
     notes = [apart] if not study.mesh.nested or np.ptp(areas) > 1e-9 * areas[-1] else []
     return FineReference(levels[-1], study.mesh.nested), words, compared, notes
@@ -203,11 +235,16 @@ def _point(
     index: tuple[int, ...],
     scene: Scene,
 ) -> dict[str, Any]:
-    """What the file has of a point, by name: meshes, status, errors with their rates, numbers with their limits."""
+    """What the file has of a point, by name: meshes, status, errors with their rates, numbers with
+    their limits."""
     solutions = [level.solutions[index] for level in levels]
     h, ok = np.array([level.mesh.h_max for level in levels]), np.array([s.ok for s in solutions])
     point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
-    point |= {"h_max": h, "n_dof": [level.n_dof for level in levels], "n_contact": [level.line.m for level in levels]}
+    point |= {
+        "h_max": h,
+        "n_dof": [level.n_dof for level in levels],
+        "n_contact": [level.line.m for level in levels],
+    }
     point["compared"] = compared
     found = [reference.errors(one, index, scene) if reference is not None and used else Errors()
              for one, used in zip(levels, compared, strict=True)]  # fmt: skip
@@ -219,14 +256,21 @@ def _point(
         if not len(norm):  # nowhere measured, or its reference vanishes
             continue
         fitted = fit(h / size, error / norm, ok & compared, rounding)
-        log = log_share((h / size)[ok & compared & (np.arange(len(h)) >= fitted.first_level)]) if expected.log else 0.0
+        log = (
+            log_share((h / size)[ok & compared & (np.arange(len(h)) >= fitted.first_level)])
+            if expected.log
+            else 0.0
+        )
         parts: dict[str, Any] = {
             part: getattr(fitted, part) for part in ("rate", "slope", "slope_error", "first_level")
         }
         parts |= {"error": error / norm, "size_squared": norm[0] ** 2}
         parts |= {"expected": expected.order, "reason": expected.reason}
         said = verdict(fitted, expected.order, study.exact is None, log, expected.analysed)
-        point |= {f"{part}_{name}": value for part, value in (parts | {"verdict": VERDICTS.index(said)}).items()}
+        point |= {
+            f"{part}_{name}": value
+            for part, value in (parts | {"verdict": VERDICTS.index(said)}).items()
+        }
     for name, stored in BY_ITSELF.items():
         point[name] = np.array([s.numbers.get(stored, np.nan) for s in solutions])
     exact = dict[str, float]()
@@ -245,7 +289,10 @@ def _point(
 
 
 def _notes(
-    study: Study, levels: list[SolvedLevel], reference: Reference | None, points: list[dict[str, Any]]
+    study: Study,
+    levels: list[SolvedLevel],
+    reference: Reference | None,
+    points: list[dict[str, Any]],
 ) -> Iterator[str]:
     if isinstance(reference, ExactReference):
         worst = max(reference.inclusion(levels[-1], scene) for scene in study.scenes)

@@ -1,18 +1,20 @@
 """What a study says of measurements, for given numbers of it, with derivatives by these numbers.
 
-Of a history (`history_run`) the steps are compared that were measured: one history an evaluation, and one for every
-number, which is a little off, for differences. All other derivatives are exact.
+Of a history (`history_run`) the steps are compared that were measured: one history an evaluation,
+and one for every number, which is a little off, for differences. All other derivatives are exact.
 
-Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
-and its results are compared; derivatives from the factor at each solution (`contact.solution.Linearised`).
+Vertical: the scene is solved at every datum, each from the solution before (the way a test goes:
+one solve a datum), and its results are compared; derivatives from the factor at each solution
+(`contact.solution.Linearised`).
 
-Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum is projected on the
-curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem ∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate
-along the curve is held fixed. On a side of the polygon (t, R) the nodes keep their pieces, and held fixed is eᵀv with e
-along the side: the bordered matrix [H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of
-the node that passes its kink there is held on that kink. The same beside the path of a law with exponential pieces, on
-the curve itself (`contact.path.smooth`). Literature: Keller, in Rabinowitz (ed.), Applications of Bifurcation Theory
-(1977) 359–384 (bordering).
+Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum
+is projected on the curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem
+∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate along the curve is held fixed. On a side of the polygon
+(t, R) the nodes keep their pieces, and held fixed is eᵀv with e along the side: the bordered matrix
+[H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of the node that
+passes its kink there is held on that kink. The same beside the path of a law with exponential
+pieces, on the curve itself (`contact.path.smooth`). Literature: Keller, in Rabinowitz (ed.),
+Applications of Bifurcation Theory (1977) 359–384 (bordering).
 """
 
 from __future__ import annotations
@@ -42,7 +44,7 @@ from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Direction, FitPlan, Sensitivity
+from tcstudy.scene.study import Branch, Direction, FitPlan, Sensitivity
 from tcstudy.study.history_run import followed as followed_steps
 from tcstudy.study.path_run import affine_load, followed, straightened
 from tcstudy.study.sensitivities import rates_of
@@ -101,11 +103,13 @@ class FitModel:
             raise FitError(error.problems[0].what) from error
 
     def chain(self, p: Array) -> tuple[list[Sensitivity], Array]:
-        """The K numbers by which results have derivatives, and (K, k) theirs by those to find: itself, or all
-        that are made of a name of the study's own."""
+        """The K numbers by which results have derivatives, and (K, k) theirs by those to find:
+        itself, or all that are made of a name of the study's own."""
         values, number = self.values(p), [one.number.path for one in self.plan.parameters]
         columns = [
-            self.scenery.rates(self.plan.scene, path[1], values) if path[0] == "parameters" else {path: 1.0}
+            self.scenery.rates(self.plan.scene, path[1], values)
+            if path[0] == "parameters"
+            else {path: 1.0}
             for path in number
         ]
         paths = list(dict.fromkeys(path for column in columns for path in column))
@@ -113,7 +117,8 @@ class FitModel:
         return [Sensitivity(".".join(path), path, "") for path in paths], matrix
 
     def compared(self, p: Array) -> Compared:
-        """The study with the numbers p against the data. Raises FitError where it has no solution."""
+        """The study with the numbers p against the data. Raises FitError where it has no
+        solution."""
         if self.plan.history is not None:
             return self._vertical(*self._steps(p))
         scene, (numbers, chain) = self.scene(p), self.chain(p)
@@ -123,10 +128,13 @@ class FitModel:
             found = self._orthogonal(scene, numbers)
         found = replace(found, jacobian=found.jacobian @ chain)
         if not np.all(np.isfinite(found.jacobian)):
-            raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
+            raise FitError(
+                "the results have no derivative at a datum: it lies on a fold; use compare: orthogonal"
+            )
         return found
 
-    # -- at all n data: (n, 3 + m) the SCALARS and u_T, and (n, 3 + m, k) their derivatives -------------------
+    # -- at all n data: (n, 3 + m) the SCALARS and u_T, and (n, 3 + m, k) their derivatives
+    # -------------------
 
     def _steps(self, p: Array) -> tuple[Array, Array]:
         """Of the measured steps of the history; derivatives are differences inside the bounds."""
@@ -148,7 +156,9 @@ class FitModel:
             for n, (step, mean) in enumerate(islice(steps, max(wanted) + 1)):
                 self.solves += 1
                 if not step.solved:
-                    raise FitError(f"step {n} cannot be compared with the numbers tried: {step.reason}")
+                    raise FitError(
+                        f"step {n} cannot be compared with the numbers tried: {step.reason}"
+                    )
                 found[n] = np.array([c @ step.xi, np.max(np.abs(step.v)), mean, *step.v])
         except StudyError as error:
             raise FitError(error.problems[0].what) from error
@@ -164,21 +174,37 @@ class FitModel:
             if result is None or loads != known:
                 for column, value in zip(self.plan.loads, loads, strict=True):
                     scene = path_scene(scene, column.path, value)
-                problem, branch = self.level.condensed(scene).problem, "from-zero" if v is None else "continued"
-                answer = solve_contact(problem, tolerance=self.tolerance, branch=branch, neighbour=v)  # type: ignore[arg-type]
+                problem = self.level.condensed(scene).problem
+                branch: Branch = "from-zero" if v is None else "continued"
+                answer = solve_contact(
+                    problem,
+                    tolerance=self.tolerance,
+                    branch=branch,
+                    neighbour=v,
+                )
                 self.solves += 1
                 if answer.status != Status.CONVERGED:
-                    raise FitError(f"datum {i + 1} has no solution with the numbers tried: {answer.reason}")
+                    raise FitError(
+                        f"datum {i + 1} has no solution with the numbers tried: {answer.reason}"
+                    )
                 v, known = answer.v, loads
                 here, whole, largest = (
                     Linearised.at(problem, v),
                     WholeBody(self.level, scene, v),
                     int(np.abs(v).argmax()),
                 )
-                moved = (rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers)
-                rates = [[dxi.sum(), np.sign(v[largest]) * dv[largest], mean, *dv] for dv, dxi, mean in moved]
+                moved = (
+                    rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers
+                )
+                rates = [
+                    [dxi.sum(), np.sign(v[largest]) * dv[largest], mean, *dv]
+                    for dv, dxi, mean in moved
+                ]
                 mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
-                result = np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]), np.array(rates).T
+                result = (
+                    np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]),
+                    np.array(rates).T,
+                )
             yield result
 
     def _vertical(self, values: Array, rates: Array) -> Compared:
@@ -205,9 +231,13 @@ class FitModel:
         along = nodes[order]
         cell = np.diff(along)
         if len(along) < 2 or not np.all(cell > 0.0):
-            raise FitError("a profile of u_T over x needs a contact line of which no two nodes have the same x")
+            raise FitError(
+                "a profile of u_T over x needs a contact line of which no two nodes have the same x"
+            )
         if np.any((x < along[0] - cell[0]) | (x > along[-1] + cell[-1])):
-            raise FitError(f"x = {x[np.argmax(np.abs(x - along.mean()))]:g} of the profile is not on the contact line")
+            raise FitError(
+                f"x = {x[np.argmax(np.abs(x - along.mean()))]:g} of the profile is not on the contact line"
+            )
         weights = np.empty((len(x), len(along)))
         weights[:, order] = np.transpose([np.interp(x, along, node) for node in np.eye(len(along))])
         return weights
@@ -230,7 +260,10 @@ class FitModel:
             if law.piecewise_linear:
                 moved = moving.on_sides(sides)
             else:
-                points = [curve.least(*side, _pull(datum, sigma)) for side, datum in zip(sides, data, strict=True)]
+                points = [
+                    curve.least(*side, _pull(datum, sigma))
+                    for side, datum in zip(sides, data, strict=True)
+                ]
                 moved = np.stack([moving.rates(point) for point in points])
                 foot = _on_curve(foot, points, data / sigma, sigma)
         except ValueError as error:
@@ -248,8 +281,12 @@ class FitModel:
         follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
         self.solves += 1
         try:
-            load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
-            problem = straightened(self.level, scene, load.problem, self.law_error, (low - reach, high + reach))
+            load = affine_load(
+                self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name
+            )
+            problem = straightened(
+                self.level, scene, load.problem, self.law_error, (low - reach, high + reach)
+            )
             way: Direction = "forward" if max(values) > -min(values) else "backward"
             return followed(problem, follower, "from-zero", 0.0, way, column.name)[0]
         except PathError as error:
@@ -258,7 +295,8 @@ class FitModel:
 
 @dataclass(frozen=True, eq=False)
 class MovingPath:
-    """The curve of a scene along a parameter (key path `along`), and the numbers by which it is differentiated."""
+    """The curve of a scene along a parameter (key path `along`), and the numbers by which it is
+    differentiated."""
 
     level: Level
     scene: Scene
@@ -270,37 +308,67 @@ class MovingPath:
     def laws(self) -> list[LawSlopes | None]:
         """Derivatives of the law by each number, None where that is no number of it."""
         law = self.scene.one_law
-        return [law_slopes(law, number_of(one.path)) if one.path[0] == "friction" else None for one in self.numbers]
+        return [
+            law_slopes(law, number_of(one.path)) if one.path[0] == "friction" else None
+            for one in self.numbers
+        ]
 
     def on_sides(self, places: Sequence[tuple[int, float]]) -> Array:
-        """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of a path that is the curve itself.
+        """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of a path that is the
+        curve itself.
 
         Linear along a side; at its ends they are those of the corner.
         """
-        curve, (t, u), known, found = self.curve, (self.curve.path.t, self.curve.path.u), dict[float, list[Array]](), []
+        curve, (t, u), known, found = (
+            self.curve,
+            (self.curve.path.t, self.curve.path.u),
+            dict[float, list[Array]](),
+            [],
+        )
         for side, share in places:
             corner = share in (0.0, 1.0)
             if (place := side + (share if corner else 0.5)) not in known:
-                ends = [curve.beside(side, u[k], float(t[k])) for k in (side, side + 1) if not corner]
-                known[place] = [self.rates(point) for point in ends or [curve.vertex(int(place), side)]]
+                ends = [
+                    curve.beside(side, u[k], float(t[k])) for k in (side, side + 1) if not corner
+                ]
+                known[place] = [
+                    self.rates(point) for point in ends or [curve.vertex(int(place), side)]
+                ]
             first, last = known[place][0], known[place][-1]
             found.append(first + share * (last - first))
         return np.array(found)
 
     def rates(self, point: CurvePoint) -> Array:
-        """(2, k) ∂(t, R)/∂p of a point whose coordinate is held, or the kink that is passed there."""
-        problem, v, piece, rests = self.curve.path.problem, point.v, point.codes // 2, point.codes % 2 == 1
+        """(2, k) ∂(t, R)/∂p of a point whose coordinate is held, or the kink that is passed
+        there."""
+        problem, v, piece, rests = (
+            self.curve.path.problem,
+            point.v,
+            point.codes // 2,
+            point.codes % 2 == 1,
+        )
         at, (free, lu, pivots, unit) = path_scene(self.scene, self.along, point.t), point.factor
-        whole, loads, b, dv = WholeBody(self.level, at, v), *(np.zeros((3, problem.m, len(self.numbers))))
+        whole, loads, b, dv = (
+            WholeBody(self.level, at, v),
+            *(np.zeros((3, problem.m, len(self.numbers)))),
+        )
         held = np.zeros((1, len(self.numbers)))
         for j, (number, change) in enumerate(zip(self.numbers, self.laws, strict=True)):
             loads[:, j] = whole.right_side(change_of(self.level, at, number))
             if change is not None:
                 kinks = np.append(change.kinks, 0.0)
-                b[:, j], dv[:, j], held[0, j] = change.value(v, piece), rests * kinks[piece], kinks[point.kink]
+                b[:, j], dv[:, j], held[0, j] = (
+                    change.value(v, piece),
+                    rests * kinks[piece],
+                    kinks[point.kink],
+                )
         right = (loads - problem.c[:, None] * b - problem.A_tilde @ dv)[free]
-        dv[free], dt = np.split(scipy.linalg.lapack.dgetrs(lu, pivots, np.concatenate([right, unit * held]))[0], [-1])
-        return np.concatenate([dt, [(loads - problem.A_tilde @ dv).sum(axis=0) + dt[0] * problem.l_1.sum()]])
+        dv[free], dt = np.split(
+            scipy.linalg.lapack.dgetrs(lu, pivots, np.concatenate([right, unit * held]))[0], [-1]
+        )
+        return np.concatenate(
+            [dt, [(loads - problem.A_tilde @ dv).sum(axis=0) + dt[0] * problem.l_1.sum()]]
+        )
 
 
 def _pull(datum: Array, sigma: Array) -> Goal:

@@ -1,17 +1,21 @@
-"""Follow the load history of every sweep point, step by step, into its file; go on where a file ends.
+"""Follow the load history of every sweep point, step by step, into its file; go on where a file
+ends.
 
-The condensed load is affine in what changes, so that it is computed at the ends of the lines only, and between them it
-lies on the straight line. All steps of all points share the mesh, and those of one material its factor.
+The condensed load is affine in what changes, so that it is computed at the ends of the lines only,
+and between them it lies on the straight line. All steps of all points share the mesh, and those of
+one material its factor.
 
-Of a sweep whole histories are work for workers, where these pay: each makes the mesh once and follows one point after
-the other; this process takes their steps in the order of the sweep and alone writes.
+Of a sweep whole histories are work for workers, where these pay: each makes the mesh once and
+follows one point after the other; this process takes their steps in the order of the sweep and
+alone writes.
 
-Derivatives are differences of whole histories on the same mesh, all side by side. These are exact to rounding, and
-smooth in a number p but for events, where one-sided derivatives differ. With D± = ±(f(p ± h) − f(p))/h at two steps h
-the part of D⁺ − D⁻ that stays as h → 0 is such a difference; what falls like h is curvature, which D at both steps
-gives on either side, also where an event lies between the steps of the other one. Of the values that either step gives
-that is taken which errs least. Where a number can only grow, or only fall, D is looked at on one side, at three steps:
-for a smooth f they lie on a line. What errs by more than AGREES is NaN.
+Derivatives are differences of whole histories on the same mesh, all side by side. These are exact
+to rounding, and smooth in a number p but for events, where one-sided derivatives differ. With D± =
+±(f(p ± h) − f(p))/h at two steps h the part of D⁺ − D⁻ that stays as h → 0 is such a difference;
+what falls like h is curvature, which D at both steps gives on either side, also where an event lies
+between the steps of the other one. Of the values that either step gives that is taken which errs
+least. Where a number can only grow, or only fall, D is looked at on one side, at three steps: for a
+smooth f they lie on a line. What errs by more than AGREES is NaN.
 """
 
 from __future__ import annotations
@@ -59,7 +63,8 @@ Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
 """Key path of k, the number of a memory."""
 FREE = ("history.steps", "history.repeat", *DECIDE_NOTHING)
-"""Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
+"""Keys in which a study may differ from that of the file it goes on from; the steps themselves are
+compared."""
 NAMES = {field.name for field in fields(HistoryStep)} - {"status", "reason"}
 
 
@@ -78,7 +83,8 @@ def execute_history(
     jobs: int | None = None,
     dask: str | None = None,
 ) -> Summary:
-    """Follow the histories of a study and write their file; until it is there, a journal beside it keeps what is done.
+    """Follow the histories of a study and write their file; until it is there, a journal beside it
+    keeps what is done.
 
     force: compute again what the file holds;  jobs, dask: as of a run
     Returns how many points there are, how many histories ended early, and how many steps were there before.
@@ -87,7 +93,9 @@ def execute_history(
     """
     plan, points = study.history, len(study.scenes)
     if plan is None:
-        raise HistoryError("the study has no section history; add history: {memory: friction, steps: [...]}")
+        raise HistoryError(
+            "the study has no section history; add history: {memory: friction, steps: [...]}"
+        )
     tell(remarks := warnings(study))
     done, same = (Steps(), False) if force else _known(output, study)
     before = len(done)
@@ -114,7 +122,11 @@ def execute_history(
 
 def _sound(records: Iterable[BlockRecord]) -> Steps:
     """The steps but those that broke down by no number's fault, which are to be tried again."""
-    return {(int(one.points[0]), one.level): one for one in records if one.status[0] != PointStatus.ERROR}
+    return {
+        (int(one.points[0]), one.level): one
+        for one in records
+        if one.status[0] != PointStatus.ERROR
+    }
 
 
 def _known(path: Path, study: Study) -> tuple[Steps, bool]:
@@ -125,7 +137,9 @@ def _known(path: Path, study: Study) -> tuple[Steps, bool]:
     if not holds(path, "history", None):
         return {}, False
     same = attributes(path)["study_sha256"] == study_sha256(study)
-    if not same and (apart := differences(stored_study(path, study.source, "history"), study, FREE)):
+    if not same and (
+        apart := differences(stored_study(path, study.source, "history"), study, FREE)
+    ):
         raise StoreError(f"{path} holds the history of another study ({apart[0]}); {OTHER_OUTPUT}")
     return _sound(stored_steps(path, study)), same
 
@@ -145,7 +159,8 @@ def _goes_on(study: Study, last: BlockRecord | None) -> bool:
 def _steps(
     study: Study, level: Level, ends: Sequence[BlockRecord | None], staff: WorkerPool, built: float
 ) -> Iterator[BlockRecord]:
-    """The steps after the last one known of every point, here, or all of a point at once by a worker.
+    """The steps after the last one known of every point, here, or all of a point at once by a
+    worker.
 
     A worker gets the first scene as well, which makes the level. built: seconds that that took
     """
@@ -160,7 +175,16 @@ def _steps(
 
     def sent(point: int) -> Future[list[BlockRecord]]:
         pair = replace(study, scenes=(study.scenes[0], study.scenes[point]))
-        return submit(who, follow_point, pair, key, point, ends[point], name=f"history {point}", seconds=each.seconds)
+        return submit(
+            who,
+            follow_point,
+            pair,
+            key,
+            point,
+            ends[point],
+            name=f"history {point}",
+            seconds=each.seconds,
+        )
 
     for point, answer in zip(todo, in_order(who, map(sent, todo)), strict=True):
         try:
@@ -176,7 +200,8 @@ _kept: dict[str, Level] = {}
 
 
 def follow_point(study: Study, key: str, point: int, last: BlockRecord | None) -> list[BlockRecord]:
-    """All steps of the second scene of a study after the last one known, on the level that the first makes.
+    """All steps of the second scene of a study after the last one known, on the level that the
+    first makes.
 
     key: of the whole study, whose level stays for the next point;  point: of its sweep
     """
@@ -193,10 +218,14 @@ def _broken(study: Study, point: int, last: BlockRecord | None, error: Exception
     status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
     if isinstance(error, NotPositiveDefinite | UnfitLaw):
         status, reason = PointStatus.SINGULAR, str(error)
-    return step_record(study, point, 0 if last is None else last.level + 1, {"status": status}, reason)
+    return step_record(
+        study, point, 0 if last is None else last.level + 1, {"status": status}, reason
+    )
 
 
-def _follow(study: Study, level: Level, scene: Scene, point: int, last: BlockRecord | None) -> Iterator[BlockRecord]:
+def _follow(
+    study: Study, level: Level, scene: Scene, point: int, last: BlockRecord | None
+) -> Iterator[BlockRecord]:
     """Every step of a point after the last one known, up to one without a solution."""
     plan, output, requested = study.history, study.output, None
     assert plan is not None
@@ -206,25 +235,42 @@ def _follow(study: Study, level: Level, scene: Scene, point: int, last: BlockRec
         once = {"lambda_1": body.lambda_1, "lambda_1_error": body.A_error, "margin": problem.margin}
         beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
         if output.probes or output.quantities:
-            from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
+            from tcstudy.offline.requested_outputs import (
+                RequestedOutputs,
+            )  # only for a study that asks for more
 
             requested, at = RequestedOutputs(level, output), plan.loads()
         first, start, before = 0, None, np.zeros(body.m)
         if last is not None:  # as the next one needs it
             own = {name: value for name, (value,) in last.numbers.items() if name in NAMES}
             first, before = last.level + 1, last.numbers["u_T"][0]
-            start = HistoryStep(**{"v": before, "load": loads[last.level], "plastic": 0.0 * before} | own)
-        slopes = islice(step_derivatives(study, level, scene, point), first, None) if output.sensitivity else iter(())
+            start = HistoryStep(
+                **{"v": before, "load": loads[last.level], "plastic": 0.0 * before} | own
+            )
+        slopes = (
+            islice(step_derivatives(study, level, scene, point), first, None)
+            if output.sensitivity
+            else iter(())
+        )
         for n, step in enumerate(history(problem, loads[first:], start), first):
             found = once | vars(step) | {"status": STATUS[step.status], "u_T": step.v}
-            found |= {"u_T_max": np.max(np.abs(step.v), initial=0.0), "jumped": np.broadcast_to(step.jumped, body.m)}
-            moved = np.abs(step.v - before) > AT_REST * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
+            found |= {
+                "u_T_max": np.max(np.abs(step.v), initial=0.0),
+                "jumped": np.broadcast_to(step.jumped, body.m),
+            }
+            moved = np.abs(step.v - before) > AT_REST * max(
+                np.abs(step.v).max(initial=0.0), np.max(np.abs(before))
+            )
             found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
             lengths = region_lengths(level, laws, step.kappa[None], beside)
             found |= {name: length for name, (length,) in lengths.items()}
             found |= debonded_front(level.line, problem.model.law, step.kappa)
             if step.solved:
-                found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
+                found |= (
+                    requested.of(loaded_scene(scene, at[n]), step.v)
+                    if requested is not None
+                    else {}
+                )
                 found |= next(slopes, {})
             last, before = step_record(study, point, n, found, step.reason), step.v
             yield last
@@ -237,14 +283,19 @@ def _follow(study: Study, level: Level, scene: Scene, point: int, last: BlockRec
 def problem_of(
     plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
 ) -> tuple[HistoryProblem, list[Array]]:
-    """What all steps of a scene share, and the loads l̃ of all steps. Raises NotPositiveDefinite."""
+    """What all steps of a scene share, and the loads l̃ of all steps. Raises
+    NotPositiveDefinite."""
     at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
     first = at[0].problem
     lambda_1 = None if plan.loose else level.lambda_1(scene)
-    body = CondensedBody.known(first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose)
+    body = CondensedBody.known(
+        first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose
+    )
     line = level.line
     names = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
-    problem = HistoryProblem(body, MemoryModel(plan.memory, first.law, body.m, names), plan.branch, tolerance)
+    problem = HistoryProblem(
+        body, MemoryModel(plan.memory, first.law, body.m, names), plan.branch, tolerance
+    )
     return problem, plan.along([one.problem.l_tilde for one in at])
 
 
@@ -257,12 +308,17 @@ def followed(
     values: Mapping[Keys, float],
     point: int | None = None,
 ) -> Iterator[tuple[HistoryStep, float]]:
-    """Step 0 and all others of the scene with other numbers, with the mean θ of each; one that fails is the last.
+    """Step 0 and all others of the scene with other numbers, with the mean θ of each; one that
+    fails is the last.
 
     values, point: as of `SceneReader.at`
-    Raises StudyError, NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does not have.
+    Raises StudyError, NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does
+    not have.
     """
-    stiffness, scene = values.get(STIFFNESS, plan.memory.stiffness), scenery.at(scene, values, point)
+    stiffness, scene = (
+        values.get(STIFFNESS, plan.memory.stiffness),
+        scenery.at(scene, values, point),
+    )
     problem, loads = problem_of(
         replace(plan, memory=replace(plan.memory, stiffness=stiffness)), level, scene, tolerance
     )
@@ -270,27 +326,44 @@ def followed(
     return zip(history(problem, loads), plan.along(means), strict=False)
 
 
-def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> Iterator[dict[str, float]]:
-    """Of every step of a scene what its study asks for, by variable name; without what its law does not have.
+def step_derivatives(
+    study: Study, level: Level, scene: Scene, point: int
+) -> Iterator[dict[str, float]]:
+    """Of every step of a scene what its study asks for, by variable name; without what its law does
+    not have.
 
-    They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
+    They begin with step 0 wherever the history goes on. Histories of other numbers that end early
+    have no more of them.
     """
-    plan, scenery, tolerance, c = study.history, SceneReader.of(study), study.solver.tolerance, level.line.c
+    plan, scenery, tolerance, c = (
+        study.history,
+        SceneReader.of(study),
+        study.solver.tolerance,
+        level.line.c,
+    )
     assert plan is not None
 
     def steps(values: Mapping[Keys, float]) -> Iterator[Array] | None:
-        """The STEP_QUANTITIES of all steps with these numbers, as far as they are solved; None if they cannot be."""
+        """The STEP_QUANTITIES of all steps with these numbers, as far as they are solved; None if
+        they cannot be."""
         try:
             found = followed(plan, level, scenery, scene, tolerance, values, point)
         except (StudyError, ValueError, NotPositiveDefinite):
             return None
-        return (np.array([np.max(np.abs(one.v), initial=0.0), c @ one.xi, mean]) for one, mean in found if one.solved)
+        return (
+            np.array([np.max(np.abs(one.v), initial=0.0), c @ one.xi, mean])
+            for one, mean in found
+            if one.solved
+        )
 
     varied = dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
         with suppress(KeyError):  # a law of the sweep that has no such parameter
             value, scale = _value(plan, level, scene, number)
-            up, down = ([steps({number.path: value + way * h * scale}) for h in STEPS] for way in (1.0, -1.0))
+            up, down = (
+                [steps({number.path: value + way * h * scale}) for h in STEPS]
+                for way in (1.0, -1.0)
+            )
             others = [*up, *down]
             if not all(others):  # on the one side on which it can be
                 one, scale = (up, scale) if all(up) else (down, -scale)
@@ -299,8 +372,12 @@ def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> It
     for row in steps({}) or ():
         found: dict[str, float] = {SLOPES_STATUS: DIFFERENTIABLE}
         for name, (scale, each) in varied.items():
-            slopes = derivative(row, np.array([next(one, np.full(len(row), np.nan)) for one in each]), scale)
-            found |= {name_of(q, name): float(x) for q, x in zip(STEP_QUANTITIES, slopes, strict=True)}
+            slopes = derivative(
+                row, np.array([next(one, np.full(len(row), np.nan)) for one in each]), scale
+            )
+            found |= {
+                name_of(q, name): float(x) for q, x in zip(STEP_QUANTITIES, slopes, strict=True)
+            }
         if not np.all(np.isfinite(list(found.values()))):
             found[SLOPES_STATUS] = AT_EVENT
         yield found
@@ -317,7 +394,8 @@ AGREES, SMALL = 2e-6, 1e-2
 def derivative(middle: Array, beside: Array, scale: float) -> Array:
     """(n,) df/dp from f (n,) at p and f beside it; NaN where there is none.
 
-    beside: (4, n) at p + STEPS and at p − STEPS times the scale of p; or (3, n) at p + STEPS and HALFWAY, scale < 0
+    beside: (4, n) at p + STEPS and at p − STEPS times the scale of p; or (3, n) at p + STEPS and
+    HALFWAY, scale < 0
             where p can only fall
     """
     one, other = STEPS
@@ -327,7 +405,10 @@ def derivative(middle: Array, beside: Array, scale: float) -> Array:
         (far, near), apart = 0.5 * (plus + minus), plus - minus
         above, below = ((side[0] - side[1]) * other / (one - other) for side in (plus, -minus))
         bend = np.array([0.0 * above, above + below, 2.0 * above, 2.0 * below])
-        values, errors = np.array([far, *(near + 0.0 * bend)]), np.array([apart[0], *(apart[1] - bend)])
+        values, errors = (
+            np.array([far, *(near + 0.0 * bend)]),
+            np.array([apart[0], *(apart[1] - bend)]),
+        )
     else:
         far, near, between = (beside - middle) / (np.array([*STEPS, HALFWAY])[:, None] * scale)
         values = ((one * near - other * far) / (one - other))[None]
@@ -335,10 +416,14 @@ def derivative(middle: Array, beside: Array, scale: float) -> Array:
     errors = np.where(np.isfinite(errors), np.abs(errors), np.inf)
     at = np.argmin(errors, axis=0), np.arange(errors.shape[1])
     value, error = values[at], errors[at]
-    return np.where(error <= AGREES * np.maximum(np.abs(value), SMALL * np.abs(middle / scale)), value, np.nan)
+    return np.where(
+        error <= AGREES * np.maximum(np.abs(value), SMALL * np.abs(middle / scale)), value, np.nan
+    )
 
 
-def _value(plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity) -> tuple[float, float]:
+def _value(
+    plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity
+) -> tuple[float, float]:
     """(value, scale) of a number; of a load at least that which is as much as friction bears.
 
     Raises KeyError for a number that the scene does not have.
@@ -346,9 +431,15 @@ def _value(plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity) -
     if number.path == STIFFNESS:
         return (float(plan.memory.stiffness or 0.0),) * 2
     value: float = dict(numbers(scene))[number.path].value  # type: ignore[assignment]
-    size, law, units = abs(value), level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
+    size, law, units = (
+        abs(value),
+        level.law(scene),
+        {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale},
+    )
     if is_load(number.path):
-        right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))
+        right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(
+            change_of(level, scene, number)
+        )
         change = np.max(np.abs(right), initial=0.0)
         size = max(size, law.b_scale * float(np.max(level.line.c)) / change if change else size)
         return value, size or 1.0

@@ -1,12 +1,14 @@
-"""The solver of one level: blocks of points are condensed here, solved by an executor, and become records.
+"""The solver of one level: blocks of points are condensed here, solved by an executor, and become
+records.
 
-A block depends on the study and on the size of the contact line alone, so that a run that was stopped, or that others
-help with, has the same blocks and in them the same numbers, to the bit. Points of a block share λ/μ; their loads are
-rows of one array and their laws rows of one table (tcstudy.contact). Points for which the study names several solvers
-or the bundle method are solved one by one, here, by any solver, by several, for comparison.
+A block depends on the study and on the size of the contact line alone, so that a run that was
+stopped, or that others help with, has the same blocks and in them the same numbers, to the bit.
+Points of a block share λ/μ; their loads are rows of one array and their laws rows of one table
+(tcstudy.contact). Points for which the study names several solvers or the bundle method are solved
+one by one, here, by any solver, by several, for comparison.
 
-The contact line has the normals of the exact curve: the mesh cuts arcs into chords; errors, and the exact solution as a
-start, belong to the curve.
+The contact line has the normals of the exact curve: the mesh cuts arcs into chords; errors, and the
+exact solution as a start, belong to the curve.
 """
 
 from __future__ import annotations
@@ -102,7 +104,9 @@ class LevelSolver:
         """Those found so far, where others begin from them."""
         if not keeps_solutions(self.study):
             return None
-        return Solutions(self.study, self.level.line.m, np.concatenate([block.points for block in self.blocks]))
+        return Solutions(
+            self.study, self.level.line.m, np.concatenate([block.points for block in self.blocks])
+        )
 
     @cached_property
     def blocks(self) -> list[Block]:
@@ -116,16 +120,21 @@ class LevelSolver:
         return None if exact is None else at_contact_nodes(exact_u_T(exact), level.mesh, level.line)
 
     def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
-        """Solve the points of the level of which an earlier run left nothing, block by block in their order.
+        """Solve the points of the level of which an earlier run left nothing, block by block in
+        their order.
 
-        finished: what it left; its solutions start neighbours, and their errors are estimated again, since the next
+        finished: what it left; its solutions start neighbours, and their errors are estimated
+        again, since the next
                   mesh depends on them
-        A few blocks are prepared ahead, so that whoever solves them need not wait for loads; but not one that needs
-        the solutions of those before, or takes away the factor that these need to end.
+        A few blocks are prepared ahead, so that whoever solves them need not wait for loads; but
+        not one that needs the solutions of those before, or takes away the factor that these need
+        to end.
         """
         output, waiting = self.study.output, deque[tuple[Block, Pending]]()
         done = np.zeros(len(self.study.scenes), dtype=bool)
-        more = self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
+        more = (
+            self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
+        )
         for record in finished:
             done[record.points] = True
             if self.estimator is not None:
@@ -154,8 +163,8 @@ class LevelSolver:
         yield from ready(None)
 
     def _records(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
-        """All points at once; where that breaks down, half of them at a time, to find the one that does it.
-        Every failure becomes a status with its reason: one point must not end a sweep."""
+        """All points at once; where that breaks down, half of them at a time, to find the one that
+        does it. Every failure becomes a status with its reason: one point must not end a sweep."""
         try:
             yield self._completed(pending())
             return
@@ -170,13 +179,16 @@ class LevelSolver:
             yield from self._records(half, one)
 
     def _started(self, block: Block) -> Pending:
-        """The block on its way; what breaks down before it is handed over is told where its record is due."""
+        """The block on its way; what breaks down before it is handed over is told where its record
+        is due."""
         try:
             near = None if self.solutions is None else self.solutions.beside(block.points)
             if self.study.solver.in_blocks:
                 return self._submitted(block, near)
             start = None if near is None or np.isnan(near).any() else near[0]
-            return lambda: solve_point(self.study, self.level, int(block.points[0]), start, self.exact)
+            return lambda: solve_point(
+                self.study, self.level, int(block.points[0]), start, self.exact
+            )
         except Exception as error:
             broken: Future[BlockRecord] = Future()
             broken.set_exception(error)
@@ -184,25 +196,48 @@ class LevelSolver:
 
     def _submitted(self, block: Block, near: Array | None) -> Pending:
         """Condense a block and hand its contact problems to the executor.
-        near: (P, m) solutions that the points begin from, NaN in rows without; None if there are none"""
+        near: (P, m) solutions that the points begin from, NaN in rows without; None if there are
+        none"""
         plan, level = self.study.solver, self.level
         scenes = [self.study.scenes[int(place)] for place in block.points]
         condensed = level.block(scenes)
         factor = condensed.mu / condensed.mu[0]
-        laws, loads = row_laws([level.law(scene) for scene in scenes], factor), condensed.l_tilde / factor[:, None]
+        laws, loads = (
+            row_laws([level.law(scene) for scene in scenes], factor),
+            condensed.l_tilde / factor[:, None],
+        )
         mu, (points, m) = float(condensed.mu[0]), loads.shape
-        if (key := (Level.ratio(scenes[0]), mu)) not in self.bodies:  # made once for blocks that follow one another
+        if (
+            key := (Level.ratio(scenes[0]), mu)
+        ) not in self.bodies:  # made once for blocks that follow one another
             self.bodies.clear()
-            self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error)
+            self.bodies[key] = CondensedBody.of(
+                mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error
+            )
         timeout, limits = max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0), None
         if plan.every:
             limits = Limits(plan.max_boxes, plan.max_seconds)
             timeout += points * (limits.seconds + SLOWEST)
-        job = Job(timed, f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}", timeout)
-        future = self.executor.submit(
-            job, solve_block, self.bodies[key], loads, laws, plan.branch, plan.tolerance, near, self.exact, limits
+        job = Job(
+            timed,
+            f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}",
+            timeout,
         )
-        return lambda: block_record(self.study, level, block.points, scenes, condensed, laws, *future.result())
+        future = self.executor.submit(
+            job,
+            solve_block,
+            self.bodies[key],
+            loads,
+            laws,
+            plan.branch,
+            plan.tolerance,
+            near,
+            self.exact,
+            limits,
+        )
+        return lambda: block_record(
+            self.study, level, block.points, scenes, condensed, laws, *future.result()
+        )
 
     @cached_property
     def _bounds(self) -> ErrorBounds:
@@ -212,7 +247,9 @@ class LevelSolver:
     @cached_property
     def _requested(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
         """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
-        from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
+        from tcstudy.offline.requested_outputs import (
+            RequestedOutputs,
+        )  # only for a study that asks for more
 
         output = self.study.output
         found: list[Callable[[Scene, Array], dict[str, Any]]] = []
@@ -225,24 +262,35 @@ class LevelSolver:
         return found
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
-        """With what the study asks for of solved points: estimates and bounds of errors, fields, numbers on request."""
+        """With what the study asks for of solved points: estimates and bounds of errors, fields,
+        numbers on request."""
         output = self.study.output
         guarantee = self.study.mesh.guarantee
-        if record.u_T is None or not (self.estimator is not None or guarantee or output.fields or output.asks):
+        if record.u_T is None or not (
+            self.estimator is not None or guarantee or output.fields or output.asks
+        ):
             return record
         names = [v.name for v in requested_variables(self.study)] if output.asks else []
         numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
         fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
-            scene, v, found = self.study.scenes[int(record.points[row])], record.u_T[row], dict[str, Any]()
+            scene, v, found = (
+                self.study.scenes[int(record.points[row])],
+                record.u_T[row],
+                dict[str, Any](),
+            )
             with self.times.of("estimate"):
                 if guarantee:
                     found = self._bounds.look(scene, v)
                 if self.estimator is not None:
-                    found |= self.estimator.look(record.index(row), scene, v, found.get("error_bound_relative"))
+                    found |= self.estimator.look(
+                        record.index(row), scene, v, found.get("error_bound_relative")
+                    )
             if output.fields and not record.fields:
                 for name, values in self.level.fields(scene, v).items():
-                    fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = values
+                    fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = (
+                        values
+                    )
             try:
                 for of in self._requested if output.asks else ():
                     found |= of(scene, v)
@@ -251,20 +299,25 @@ class LevelSolver:
                 status[row], reasons[row] = PointStatus.ERROR, reason
                 found = {name: value for name, value in found.items() if name not in names}
             for name, value in found.items():
-                numbers.setdefault(name, np.full((len(record), *np.shape(value)), np.nan))[row] = value
+                numbers.setdefault(name, np.full((len(record), *np.shape(value)), np.nan))[row] = (
+                    value
+                )
         return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
 
 
 Places = NDArray[np.intp]
 
 POINTS, ENTRIES = 1024, 2**17
-"""Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part in the work."""
+"""Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part
+in the work."""
 ENOUGH, MOST = 256, 2**18
 """Points from which a larger block is hardly cheaper by the point, and entries at most."""
 ESTIMATED, EVERY = 16, 64
-"""Points of a block where the error of each is estimated, or all solutions are sought, which takes longer than one."""
+"""Points of a block where the error of each is estimated, or all solutions are sought, which takes
+longer than one."""
 SLOWEST = 10.0
-"""Seconds that a point may take beyond its limit, which is looked at between one set of boxes and the next."""
+"""Seconds that a point may take beyond its limit, which is looked at between one set of boxes and
+the next."""
 FACTORISATIONS, FLOPS = 2000.0, 1e9
 """A block may take the time of so many factorisations of Ã a point on a slow processor."""
 FIELDS = 2**22
@@ -293,7 +346,9 @@ def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
     """The blocks of a level in the order in which they are solved. m: contact unknowns;  n_points: nodes of the mesh"""
     materials, of = combinations(study.scenes, *of_stiffness(study.scenes))
     numbers: dict[object, int] = {}
-    ratio = np.array([numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials])[of]
+    ratio = np.array(
+        [numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials]
+    )[of]
     mu = np.array([numbers.setdefault(("mu", s.material.mu), len(numbers)) for s in materials])[of]
     places = np.arange(len(study.scenes))
     wave = _waves(study)
@@ -301,7 +356,11 @@ def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
     size = _size(study, m, n_points)
     kind = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
     cuts = np.flatnonzero(np.diff(kind)) + 1
-    parts = [part for whole in np.split(order, cuts) for part in np.array_split(whole, -(-len(whole) // size))]
+    parts = [
+        part
+        for whole in np.split(order, cuts)
+        for part in np.array_split(whole, -(-len(whole) // size))
+    ]
     return [Block(part, int(wave[part[0]]), int(ratio[part[0]])) for part in parts]
 
 
@@ -317,7 +376,8 @@ def _size(study: Study, m: int, n_points: int) -> int:
 
 
 def _waves(study: Study) -> Places:
-    """(P,) how many steps back along the sweep a point has, where each begins from its neighbour's solution."""
+    """(P,) how many steps back along the sweep a point has, where each begins from its neighbour's
+    solution."""
     if study.solver.branch != "continued" or not study.shape:
         return np.zeros(len(study.scenes), dtype=np.intp)
     return np.asarray(sum(np.indices(study.shape)), dtype=np.intp).ravel()
@@ -338,10 +398,15 @@ class Solutions:
             self._v[block.points[ok]] = block.u_T[ok]
 
     def beside(self, points: Places) -> Array:
-        """(P, m) the solutions one step back along the last sweep dimension that has a step back and a solution there.
-        NaN in rows without one. One that is solved later counts as none, so that a resumed run has the same bits."""
+        """(P, m) the solutions one step back along the last sweep dimension that has a step back
+        and a solution there. NaN in rows without one. One that is solved later counts as none, so
+        that a resumed run has the same bits."""
         found = np.full((len(points), self._v.shape[1]), np.nan)
-        index = np.array(np.unravel_index(points, self._shape)) if self._shape else np.zeros((0, len(points)), int)
+        index = (
+            np.array(np.unravel_index(points, self._shape))
+            if self._shape
+            else np.zeros((0, len(points)), int)
+        )
         for d in range(len(self._shape)):  # the last dimension overwrites those before
             back = index.copy()
             back[d] -= 1
@@ -354,18 +419,24 @@ class Solutions:
 
 
 def at_contact_nodes(function: LineFunction, mesh: PlaneMesh, line: ContactLine) -> Array:
-    """(m,) a function of place and normal at the nodes of the line, with the normals of the exact curve."""
+    """(m,) a function of place and normal at the nodes of the line, with the normals of the exact
+    curve."""
     normals = np.zeros_like(mesh.points)
     normals[line.segments] = mesh.end_normals[line.which]
     x, y = line.xy.T
     return function(x, y, normals[line.nodes])
 
 
-# -- what is recorded of a block, and of a point that is solved by itself ------------------------------------------
+# -- what is recorded of a block, and of a point that is solved by itself
+# ------------------------------------------
 
 
 def solve_point(
-    study: Study, level: Level, place: int, neighbour: Array | None = None, exact: Array | None = None
+    study: Study,
+    level: Level,
+    place: int,
+    neighbour: Array | None = None,
+    exact: Array | None = None,
 ) -> BlockRecord:
     """Solve one point of the sweep on one level; every failure becomes a status with its reason.
 
@@ -383,7 +454,9 @@ def solve_point(
         proved = certify(problem, answer.v, lambda_1, plan.tolerance, residual=residual)
         row, laws = as_row(replace(answer, certificate=proved)), row_laws([problem.law], np.ones(1))
         record = block_record(study, level, points, [scene], condensed, laws, row, seconds)
-        more = {"evaluations": answer.evaluations} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
+        more = {"evaluations": answer.evaluations} | (
+            _by_solver(condensed, solved) if len(solved) > 1 else {}
+        )
         fields = level.fields(scene, answer.v) if study.output.fields else {}
         return replace(record, numbers=record.numbers | _one_row(more), fields=_one_row(fields))
     except Exception as error:  # one point must not end a sweep; what it was stands in the data
@@ -393,14 +466,20 @@ def solve_point(
 def failed_by(error: Exception) -> tuple[PointStatus, str]:
     """The status and the reason of points that an exception ends."""
     singular = isinstance(error, NotPositiveDefinite)
-    return (PointStatus.SINGULAR, str(error)) if singular else (PointStatus.ERROR, f"{type(error).__name__}: {error}")
+    return (
+        (PointStatus.SINGULAR, str(error))
+        if singular
+        else (PointStatus.ERROR, f"{type(error).__name__}: {error}")
+    )
 
 
 def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
     return {name: np.array([value], dtype=float) for name, value in values.items()}
 
 
-def all_failed(study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str) -> BlockRecord:
+def all_failed(
+    study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str
+) -> BlockRecord:
     """Points of a level without results."""
     count = len(points)
     failed = np.full(count, int(status), dtype=np.int8)
@@ -429,11 +508,16 @@ def block_record(
     assert proved is not None
     factor = condensed.mu / condensed.mu[0]  # stiffness of a point's body over that of the block's
     solved = answers.status == Status.CONVERGED
-    # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
+    # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its
+    # inclusion residual
     nothing = solved & np.array([scene.friction.vanishes for scene in scenes])
     xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
     sticks = np.where(np.isnan(answers.v), UNKNOWN, laws.kind(laws.locate(answers.v)) == UP)
-    lambda_1, omega, balance = condensed.mu * condensed.lambda_1, proved.omega * factor, condensed.heat_balance
+    lambda_1, omega, balance = (
+        condensed.mu * condensed.lambda_1,
+        proved.omega * factor,
+        condensed.heat_balance,
+    )
     unbalanced = np.where(balance <= HEAT_BOUND, BALANCED, UNBALANCED)
     values = {
         "energy": answers.energy * factor + condensed.constant,
@@ -495,7 +579,8 @@ def _every(
     row = np.repeat(np.arange(len(count)), count)
     solutions: dict[str, Any] = {
         "solution_point": points[row].astype(np.int32),
-        "solution_energy": np.concatenate([one.energy for one in found]) * factor[row] + condensed.constant[row],
+        "solution_energy": np.concatenate([one.energy for one in found]) * factor[row]
+        + condensed.constant[row],
         "solution_stable": np.concatenate([one.stable for one in found]).astype(np.int8),
         "solution_u_T": np.concatenate([one.v for one in found]),
         "solution_xi": np.concatenate([one.xi for one in found]) * factor[row, None] / condensed.c,

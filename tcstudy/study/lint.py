@@ -1,14 +1,15 @@
 """What a study says and its author may not have meant, and what would stop a run before any work.
 
-Said of every study: no load, a body softer than its loads, names that nothing uses, absolute temperatures, a curve that
-is a polygon, and volumetric locking of P1 elements in plane strain. What locking costs is measured on a solution that
-does not depend on ν: unit square, displacement given on three sides, contact with a linear law below,
-u = curl(sin(πx)(y + ky²/2μ)), div u = 0, so that only the discretisation feels λ; longest element edge 0.048 (2,300
-unknowns). The remedy within P1 is a finer mesh: errors fall once h² λ/μ ≲ 1.
+Said of every study: no load, a body softer than its loads, names that nothing uses, absolute
+temperatures, a curve that is a polygon, and volumetric locking of P1 elements in plane strain. What
+locking costs is measured on a solution that does not depend on ν: unit square, displacement given
+on three sides, contact with a linear law below, u = curl(sin(πx)(y + ky²/2μ)), div u = 0, so that
+only the discretisation feels λ; longest element edge 0.048 (2,300 unknowns). The remedy within P1
+is a finer mesh: errors fall once h² λ/μ ≲ 1.
 
-The face of a body from a STEP or BREP file is built before any work starts. What an outline is judged by while the
-study is read needs the kernel here: whether every name has an edge, regions lie in the face, the supports exclude rigid
-motions, and maxh gives a sensible number of triangles.
+The face of a body from a STEP or BREP file is built before any work starts. What an outline is
+judged by while the study is read needs the kernel here: whether every name has an edge, regions lie
+in the face, the supports exclude rigid motions, and maxh gives a sensible number of triangles.
 """
 
 from __future__ import annotations
@@ -37,9 +38,11 @@ from tcstudy.shapes.faults import TOLERANCE
 from tcstudy.study.workers import expected_bytes
 
 AMBIENT = (250.0, 350.0)
-"""Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not do."""
+"""Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not
+do."""
 PARALLEL = 1e-6
-"""Sine of the angle up to which two edges meet smoothly; the constraints of a mesh go by the same bound."""
+"""Sine of the angle up to which two edges meet smoothly; the constraints of a mesh go by the same
+bound."""
 
 
 def lint(study: Study) -> list[str]:
@@ -49,16 +52,28 @@ def lint(study: Study) -> list[str]:
 
 def _sentences(study: Study) -> Iterator[str]:
     scenes, body = study.scenes, study.scenes[0].body
-    if count := _pinned(body, scenes[0].edges(Contact)):  # which both their edges hold: u_N = 0 twice is u = 0
-        corners = "corner of the contact line is" if count == 1 else "corners of the contact line are"
-        remedy = "draw it as arcs with through: [x, y]" if body.brep is None else "make it arcs or splines in the file"
+    if count := _pinned(
+        body, scenes[0].edges(Contact)
+    ):  # which both their edges hold: u_N = 0 twice is u = 0
+        corners = (
+            "corner of the contact line is" if count == 1 else "corners of the contact line are"
+        )
+        remedy = (
+            "draw it as arcs with through: [x, y]"
+            if body.brep is None
+            else "make it arcs or splines in the file"
+        )
         yield (
             f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
             f"a curve, {remedy}"
         )
     idle = int(np.count_nonzero(~loaded(scenes)))
     if idle and study.history is None and study.fit is None:  # whose steps and data are its loads
-        where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
+        where = (
+            "nothing loads this scene"
+            if len(scenes) == 1
+            else f"nothing loads {idle} of {len(scenes)} points"
+        )
         yield f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature"
     if study.mesh.guarantee and (why := dict.fromkeys(filter(None, map(why_no_bound, scenes)))):
         yield f"no error is bounded where {'; or where '.join(why)}"
@@ -73,21 +88,32 @@ def _sentences(study: Study) -> Iterator[str]:
             )
     acts_nowhere = set()
     for scene in distinct(scenes, "heat", "boundary"):
-        of_edges = [None if role.heat is None else role.heat.alpha for _, role in scene.boundary if exchanges(role)]
+        of_edges = [
+            None if role.heat is None else role.heat.alpha
+            for _, role in scene.boundary
+            if exchanges(role)
+        ]
         if scene.heat.alpha > 0.0 and None not in of_edges:
-            why_idle = "every edge that exchanges heat has its own" if of_edges else "no edge has the role convection"
+            why_idle = (
+                "every edge that exchanges heat has its own"
+                if of_edges
+                else "no edge has the role convection"
+            )
             acts_nowhere.add(f"heat.alpha acts nowhere, as {why_idle}; remove it")
     yield from sorted(acts_nowhere)
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
-    """(P,) whether anything moves a body out of u = 0: a load, a displacement, a temperature, or a law that pushes."""
+    """(P,) whether anything moves a body out of u = 0: a load, a displacement, a temperature, or a
+    law that pushes."""
 
     def where(is_so: Callable[[Scene], bool], *sections: str) -> NDArray[np.bool_]:
         some, of = combinations(scenes, *sections)
         return np.array([is_so(scene) for scene in some], dtype=bool)[of]
 
-    warm = where(_warm, "boundary", "heat") & where(lambda scene: scene.material.expands, "material")
+    warm = where(_warm, "boundary", "heat") & where(
+        lambda scene: scene.material.expands, "material"
+    )
     return where(_forced, "boundary", "f") | warm | where(_pushes, "friction")
 
 
@@ -108,7 +134,9 @@ def _warm(scene: Scene) -> bool:
     if scene.heat.theta is not None:
         return scene.heat.theta != 0.0
     given = (*(bar for _, _, bar in scene.exchange), *(theta for _, theta in scene.held_theta))
-    return any(theta != 0.0 for theta in given) or bool(given and (scene.heat.q != 0.0 or scene.flux))
+    return any(theta != 0.0 for theta in given) or bool(
+        given and (scene.heat.q != 0.0 or scene.flux)
+    )
 
 
 def _pushes(scene: Scene) -> bool:
@@ -121,10 +149,20 @@ def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
     """Temperatures that look as if they were counted from absolute zero."""
     if not any(scene.material.expands for scene in distinct(scenes, "material")):
         return
-    given = [(key, getattr(s.heat, key)) for key in ("theta_bar", "theta") for s in distinct(scenes, "heat")]
-    given += [(f"theta on {edge}", v) for s in distinct(scenes, "boundary") for edge, v in s.held_theta]
+    given = [
+        (key, getattr(s.heat, key))
+        for key in ("theta_bar", "theta")
+        for s in distinct(scenes, "heat")
+    ]
+    given += [
+        (f"theta on {edge}", v) for s in distinct(scenes, "boundary") for edge, v in s.held_theta
+    ]
     for name in dict.fromkeys(name for name, _ in given):
-        seen = [v for n, v in given if n == name and isinstance(v, int | float) and AMBIENT[0] <= v <= AMBIENT[1]]
+        seen = [
+            v
+            for n, v in given
+            if n == name and isinstance(v, int | float) and AMBIENT[0] <= v <= AMBIENT[1]
+        ]
         if seen:
             yield (
                 f"{name} = {min(seen):g} K: temperatures count from the stress-free state, so the body is heated by as "
@@ -133,7 +171,8 @@ def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
 
 
 def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
-    """A body softer than its loads: E below a stress on it is a strain above 1, where small ones are meant."""
+    """A body softer than its loads: E below a stress on it is a strain above 1, where small ones
+    are meant."""
     acting = [
         abs(value)
         for scene in distinct(scenes, "boundary")
@@ -143,7 +182,11 @@ def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
         if not isinstance(value, Expression)
     ]
     held = [law.b_scale for scene in distinct(scenes, "friction") for law in scene.laws]
-    stress, what = (max(acting, default=0.0), "a load") if any(acting) else (max(held, default=0.0), "the friction")
+    stress, what = (
+        (max(acting, default=0.0), "a load")
+        if any(acting)
+        else (max(held, default=0.0), "the friction")
+    )
     least = min(own.E for scene in distinct(scenes, "material") for own in scene.material.all)
     if 0.0 < least < stress < math.inf:
         yield (
@@ -160,32 +203,66 @@ def unused(study: Study) -> list[str]:
     names, sections = root.at("parameters"), root.value
     if names is None or not (isinstance(names.value, Mapping) and isinstance(sections, Mapping)):
         return []
-    others = [node for key, node in sections.items() if key not in ("title", "institution", "units", "parameters")]
-    idle = [name for name in names.value if not any(words_in(node, users(root, name)) for node in others)]
-    what, remedy = "no number of the study uses this name", "write it where it is meant, or remove it"
-    return [str(problem) for problem in located(study, [(("parameters", name), what, remedy) for name in idle])]
+    others = [
+        node
+        for key, node in sections.items()
+        if key not in ("title", "institution", "units", "parameters")
+    ]
+    idle = [
+        name
+        for name in names.value
+        if not any(words_in(node, users(root, name)) for node in others)
+    ]
+    what, remedy = (
+        "no number of the study uses this name",
+        "write it where it is meant, or remove it",
+    )
+    return [
+        str(problem)
+        for problem in located(study, [(("parameters", name), what, remedy) for name in idle])
+    ]
 
 
 def _pinned(body: Body, contact: tuple[str, ...]) -> int:
     """Corners between two contact edges of different directions."""
     if body.brep is None:
-        corners = [pair for loop in body.loops for pair in loop.corners if all(one.name in contact for one in pair)]
-        normals = [(edge_normal(one, [one.end])[0], edge_normal(two, [two.start])[0]) for one, two in corners]
+        corners = [
+            pair
+            for loop in body.loops
+            for pair in loop.corners
+            if all(one.name in contact for one in pair)
+        ]
+        normals = [
+            (edge_normal(one, [one.end])[0], edge_normal(two, [two.start])[0])
+            for one, two in corners
+        ]
     else:
         geometry = build(body)
-        ends = [(p[i], n[i]) for name, p, n in geometry.samples() if name in contact for i in (0, -1)]
+        ends = [
+            (p[i], n[i]) for name, p, n in geometry.samples() if name in contact for i in (0, -1)
+        ]
         pairs = itertools.combinations(ends, 2)
-        normals = [(a, b) for (p, a), (q, b) in pairs if np.linalg.norm(p - q) <= ACCURACY * geometry.size]
+        normals = [
+            (a, b) for (p, a), (q, b) in pairs if np.linalg.norm(p - q) <= ACCURACY * geometry.size
+        ]
     return sum(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL for a, b in normals)
 
 
 NEARLY_INCOMPRESSIBLE = 0.45
-MEASURED = {0.3: (3.6, 0.14), 0.45: (5.2, 0.24), 0.49: (10.0, 1.3), 0.499: (30.0, 7.3), 0.4999: (91.0, 15.0)}
-"""Error of u in the energy norm and of u_T in L² of Γ_C [%] by ν, as `tcstudy converge` measures it."""
+MEASURED = {
+    0.3: (3.6, 0.14),
+    0.45: (5.2, 0.24),
+    0.49: (10.0, 1.3),
+    0.499: (30.0, 7.3),
+    0.4999: (91.0, 15.0),
+}
+"""Error of u in the energy norm and of u_T in L² of Γ_C [%] by ν, as `tcstudy converge` measures
+it."""
 
 
 def locking_notes(scenes: Sequence[Scene]) -> list[str]:
-    """The warning for the largest Poisson's ratio in plane strain, with the measured loss, if it deserves one."""
+    """The warning for the largest Poisson's ratio in plane strain, with the measured loss, if it
+    deserves one."""
     materials = [own for scene in distinct(scenes, "material") for own in scene.material.all]
     nu = max((own.nu for own in materials if own.plane == "strain"), default=0.0)
     if nu < NEARLY_INCOMPRESSIBLE:
@@ -201,7 +278,8 @@ def locking_notes(scenes: Sequence[Scene]) -> list[str]:
 
 
 ACCURACY = 1e-7
-"""Of points and normals of a curve from a file, relative to the body; the kernel's own tolerance."""
+"""Of points and normals of a curve from a file, relative to the body; the kernel's own
+tolerance."""
 
 
 def built_faults(study: Study) -> list[Found]:
@@ -215,20 +293,37 @@ def built_faults(study: Study) -> list[Found]:
         what, _, remedy = str(error).partition("; ")
         return [(("body", "file"), what, remedy or "check the file and the number of the face")]
     sizes = mesh_faults(study.mesh, geometry.area, geometry.size, study.units)
-    of_sizes = [(("mesh", "maxh", *([i] if study.mesh.listed else ())), what, remedy) for i, what, remedy in sizes]
-    return [*_nameless(body, geometry), *_of_regions(body, geometry), *_of_supports(study, geometry), *of_sizes]
+    of_sizes = [
+        (("mesh", "maxh", *([i] if study.mesh.listed else ())), what, remedy)
+        for i, what, remedy in sizes
+    ]
+    return [
+        *_nameless(body, geometry),
+        *_of_regions(body, geometry),
+        *_of_supports(study, geometry),
+        *of_sizes,
+    ]
 
 
 def _nameless(body: Body, geometry: Geometry) -> Iterator[Found]:
-    """Names that no edge of the face has, since another name's point is nearest to the same edge."""
+    """Names that no edge of the face has, since another name's point is nearest to the same
+    edge."""
     assert body.brep is not None
     for name in set(edge_names(body)) - {curve.name for curve in geometry.curves}:
         what = f"no edge of the face has the name {name!r}: "
         if name == body.brep.other:
-            yield ("body", "file", "other"), f"{what}all edges are named by points", "leave out other"
+            yield (
+                ("body", "file", "other"),
+                f"{what}all edges are named by points",
+                "leave out other",
+            )
         else:
             what += "another name has a point at the same edge"
-            yield ("body", "file", "edges", name), what, "give a point nearer to the edge that is meant"
+            yield (
+                ("body", "file", "edges", name),
+                what,
+                "give a point nearer to the edge that is meant",
+            )
 
 
 def _of_regions(body: Body, geometry: Geometry) -> Iterator[Found]:
@@ -236,33 +331,52 @@ def _of_regions(body: Body, geometry: Geometry) -> Iterator[Found]:
     areas = geometry.face_areas()
     for region in body.regions:
         whole, inside = loop_area(region.loop), areas.get(region.name, 0.0)
-        slack = min(TOLERANCE * geometry.size * sum(edge_length(edge) for edge in region.loop.edges), 0.1 * whole)
+        slack = min(
+            TOLERANCE * geometry.size * sum(edge_length(edge) for edge in region.loop.edges),
+            0.1 * whole,
+        )
         keys = ("body", "regions", region.name)
         if inside <= slack:
-            yield keys, "the region lies outside the face of the file", "move it inside; coordinates are metres"
+            yield (
+                keys,
+                "the region lies outside the face of the file",
+                "move it inside; coordinates are metres",
+            )
         elif whole - inside > slack:
             what = f"the region leaves the face of the file: {inside / whole:.3g} of its area is inside"
-            yield keys, what, "keep it within the face and clear of its holes; it may end on their edges"
+            yield (
+                keys,
+                what,
+                "keep it within the face and clear of its holes; it may end on their edges",
+            )
 
 
 def _of_supports(study: Study, geometry: Geometry) -> Iterator[Found]:
     """Rigid motions that the supports leave, once for each kind of support in the sweep."""
     pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
     centre = (float(pieces[0].points[0, 0]), float(pieces[0].points[0, 1]))
-    kinds = {supports(scene.boundary): scene.boundary for scene in reversed(distinct(study.scenes, "boundary"))}
+    kinds = {
+        supports(scene.boundary): scene.boundary
+        for scene in reversed(distinct(study.scenes, "boundary"))
+    }
     for boundary in reversed(kinds.values()):
         if (fault := support_fault(pieces, boundary, centre, geometry.size, ACCURACY)) is not None:
             yield ("boundary",), *fault
 
 
 def warnings(study: Study, text: bool = True) -> list[Remark]:
-    """Notes that results have as well, since their numbers would mislead without them; with the geometry where there
-    are several. Raises GeometryFailed if a file has no such face.
+    """Notes that results have as well, since their numbers would mislead without them; with the
+    geometry where there are several. Raises GeometryFailed if a file has no such face.
 
-    text: whether with those of the study's text, which all geometries share and which takes long to read
+    text: whether with those of the study's text, which all geometries share and which takes long to
+    read
     """
     if study.variants:
-        own = [(one.words, map(str, warnings(one.study, False))) for one in study.variants if one.study is not None]
+        own = [
+            (one.words, map(str, warnings(one.study, False)))
+            for one in study.variants
+            if one.study is not None
+        ]
         return [*map(Remark, unused(study)), *once(own)]
     seen = study if text else replace(study, text="", overrides=())
     return [Remark(note) for note in (*idle_notes(seen), *lint(seen), *locking_notes(seen.scenes))]
@@ -271,7 +385,8 @@ def warnings(study: Study, text: bool = True) -> list[Remark]:
 def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
     """Every note once, with the geometries that it is of unless it is of all.
 
-    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
+    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the
+    range of each number.
     """
     alike: dict[str, dict[str, str]] = {}
     for words, own in notes:
@@ -285,18 +400,23 @@ def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
 
 
 def output_of(study: Study, kind: Kind = "run") -> Path:
-    """Where a file of this kind is written unless another place is asked for: results/<name of the study file>.nc for
-    a run, other kinds beside it."""
+    """Where a file of this kind is written unless another place is asked for: results/<name of the
+    study file>.nc for a run, other kinds beside it."""
     stem = study.source.stem if study.source is not None else "study"
     output = study.output.path or Path("results") / f"{stem}.nc"
     if kind in ("convergence", "cost"):
         return output.with_name(f"{output.stem}.{kind}.nc")
-    return output if kind == "run" else output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
+    return (
+        output
+        if kind == "run"
+        else output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
+    )
 
 
 def check_kind(study: Study, kind: str, name: str) -> None:
-    """Raise UsageError where a command would leave out what a study is about, or needs meshes that only a run makes.
-    A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run."""
+    """Raise UsageError where a command would leave out what a study is about, or needs meshes that
+    only a run makes. A history is no set of static points; a path is of one mesh, and adaptive ones
+    follow from the points of a run."""
     if study.history is not None and kind not in ("history", "fit"):
         command = "converge" if kind == "convergence" else kind
         raise UsageError(
@@ -310,17 +430,24 @@ def check_kind(study: Study, kind: str, name: str) -> None:
 
 
 def faults(study: Study, output: Path) -> list[str]:
-    """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
+    """What would stop a run of this study into `output`, one line each, as the user sees it; empty
+    if nothing would."""
     file = str(study.source) if study.source is not None else "<text>"
     found = (f"{file}: {text}" for text in check_writable(output, expected_bytes(study)))
     return [*map(str, located(study, built_faults(study))), *found]
 
 
 def fault_in(study: Study, fault: UserFault, name: str) -> str:
-    """What stopped a command, as the user sees it: with its place in the study, or the study's name."""
+    """What stopped a command, as the user sees it: with its place in the study, or the study's
+    name."""
     if fault.placed:
         return str(fault)
     if fault.keys is None:
         return f"{name}: {fault}"
     what, _, remedy = str(fault).partition("; ")
-    return "\n".join(map(str, located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")])))
+    return "\n".join(
+        map(
+            str,
+            located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")]),
+        )
+    )

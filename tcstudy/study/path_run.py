@@ -1,8 +1,9 @@
-"""Follow a study's path: the equilibria on the branch from rest, those at requested values, and the hysteresis loop,
-into its file.
+"""Follow a study's path: the equilibria on the branch from rest, those at requested values, and the
+hysteresis loop, into its file.
 
-Along one parameter t the load is l̃(t) = l̃₀ + t l̃₁, found from two values of t and checked at two others (method: l̃ is
-affine in f, g, q, θ̄ and in prescribed displacements, eq. (20) of the paper with fixed Ã).
+Along one parameter t the load is l̃(t) = l̃₀ + t l̃₁, found from two values of t and checked at two
+others (method: l̃ is affine in f, g, q, θ̄ and in prescribed displacements, eq. (20) of the paper
+with fixed Ã).
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ LIMITS = Limits(boxes=20_000, seconds=20.0)
 """Of each of the slabs that a range is proved in."""
 
 VISIBLE = 0.005
-"""Part of the range below which a step back of t is no fold: where nodes let go one by one t turns at each."""
+"""Part of the range below which a step back of t is no fold: where nodes let go one by one t turns
+at each."""
 
 AFFINE = 1e-9
 """Largest relative deviation from a straight line that counts as rounding."""
@@ -71,7 +73,9 @@ class AffineLoad(NamedTuple):
     problem: ParametricProblem
     constant: Polynomial
 
-    def states(self, of: str, t: Array, u: Array, traction: Array, law: Laws | None = None) -> Values:
+    def states(
+        self, of: str, t: Array, u: Array, traction: Array, law: Laws | None = None
+    ) -> Values:
         """What the file has of solutions at t (n,), (n, m) each, by the prefix of their kind."""
         problem = self.problem if law is None else self.problem.with_law(law)
         energy = problem.energy(t, u, traction) + self.constant(t)
@@ -79,24 +83,33 @@ class AffineLoad(NamedTuple):
 
 
 SHARES = np.array([0.0, 1.0, 0.4, 0.75])
-"""Where between two values of t the load is taken: the first two give it, it is checked at the others."""
+"""Where between two values of t the load is taken: the first two give it, it is checked at the
+others."""
 
 
-def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, end: float, name: str) -> AffineLoad:
+def affine_load(
+    level: Level, scene_of: Callable[[float], Scene], begin: float, end: float, name: str
+) -> AffineLoad:
     """The problem of `scene_of` along t.
 
     begin, end: two values of t;  name: of the parameter, for messages
     Raises PathError if l̃ is not affine in t or does not depend on it.
     """
     length = end - begin
-    solved = [level.condensed(scene_of(end if x == 1.0 else begin + x * length)) for x in SHARES.tolist()]
+    solved = [
+        level.condensed(scene_of(end if x == 1.0 else begin + x * length)) for x in SHARES.tolist()
+    ]
     first = solved[0].problem
     if not all(np.array_equal(first.A_tilde, one.problem.A_tilde) for one in solved):
-        raise PathError(f"the stiffness changes with {name}: a path needs a parameter of the loads alone")
+        raise PathError(
+            f"the stiffness changes with {name}: a path needs a parameter of the loads alone"
+        )
     loads = np.array([one.problem.l_tilde for one in solved])
     change, size = loads[1] - loads[0], float(np.max(np.abs(loads), initial=0.0))
     if np.max(np.abs(change), initial=0.0) <= 1e-13 * size:
-        raise PathError(f"the load on the contact line does not depend on {name}; choose another path.parameter")
+        raise PathError(
+            f"the load on the contact line does not depend on {name}; choose another path.parameter"
+        )
     off = float(np.max(np.abs(loads - loads[0] - SHARES[:, None] * change)))
     if off > AFFINE * size:
         raise PathError(
@@ -105,7 +118,9 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
         )
     l_1 = change / length
     span = begin, end
-    problem = ParametricProblem(first.A_tilde, loads[0] - begin * l_1, l_1, first.c, first.law, span, first.A_error)
+    problem = ParametricProblem(
+        first.A_tilde, loads[0] - begin * l_1, l_1, first.c, first.law, span, first.A_error
+    )
     at_1, at_04 = (one.constant - solved[0].constant for one in solved[1:3])  # of a parabola
     k_2 = (at_1 - at_04 / 0.4) / 0.6
     constant = Polynomial([solved[0].constant, at_1 - k_2, k_2], domain=span, window=(0.0, 1.0))
@@ -113,14 +128,21 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
 
 
 def straightened(
-    level: Level, scene: Scene, problem: ParametricProblem, law_error: float, within: tuple[float, float]
+    level: Level,
+    scene: Scene,
+    problem: ParametricProblem,
+    law_error: float,
+    within: tuple[float, float],
 ) -> ParametricProblem:
-    """The problem with straight pieces in the place of exponential ones, as far as solutions within two t may slip."""
+    """The problem with straight pieces in the place of exponential ones, as far as solutions within
+    two t may slip."""
     if problem.law.piecewise_linear:
         return problem
     boxes = [solution_boxes(problem.at(t).rows) for t in within]
     reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
-    return problem.with_law(level.law(scene.with_laws(lambda law: piecewise_linear(law, law_error, reach))))
+    return problem.with_law(
+        level.law(scene.with_laws(lambda law: piecewise_linear(law, law_error, reach)))
+    )
 
 
 def followed(
@@ -138,7 +160,9 @@ def followed(
     """
     answer = solve_contact(problem.at(begin), tolerance=follower.tolerance, branch=branch)
     if answer.status != Status.CONVERGED:
-        raise PathError(f"there is no solution to start from at {name} = {begin:g}: {answer.reason}")
+        raise PathError(
+            f"there is no solution to start from at {name} = {begin:g}: {answer.reason}"
+        )
     try:
         return follower.follow(problem, answer.v, begin, direction, progress), answer.v
     except NoSolutionError as error:
@@ -149,20 +173,31 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     """The path that the study asks for.
 
     progress: called with (pieces, t) from time to time
-    Raises PathError if there is nothing to follow or the start has no solution, GeometryFailed if the body has no
+    Raises PathError if there is nothing to follow or the start has no solution, GeometryFailed if
+    the body has no
     mesh.
     """
     plan = study.path
     if plan is None:
-        raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
+        raise PathError(
+            "the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
+        )
     last = study.mesh.levels - 1 if plan.level is None else plan.level
-    mesh = replace(study.mesh, levels=last + 1, tolerance=None, estimate=False)  # the level that a run would have
+    mesh = replace(
+        study.mesh, levels=last + 1, tolerance=None, estimate=False
+    )  # the level that a run would have
     stage = next(stages(replace(study, mesh=mesh, scenes=(plan.scene,), axes=()), first=last))
     if stage.level is None or stage.record is None:
         raise GeometryFailed(next(stage.blocks).reasons[0])
     level, line = stage.level, stage.record
     try:
-        load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
+        load = affine_load(
+            level,
+            lambda t: path_scene(plan.scene, plan.parameter, t),
+            plan.begin,
+            plan.end,
+            plan.name,
+        )
         straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
         lambda_1, tolerance = level.lambda_1(plan.scene), study.solver.tolerance
     except NotPositiveDefinite as error:
@@ -227,22 +262,32 @@ def _branches(plan: PathPlan, load: AffineLoad, path: Path, every: Branches) -> 
         "at_complete": np.array([every.complete_at(t) for t in plan.at], dtype=bool),
         "branch_of": np.repeat(np.arange(len(branches)), [len(b.t) for b in branches]),
         **load.states("branch_", t, u, traction, path.problem.law),
-        "branch_stable": np.concatenate([path.stable[:0], *(np.append(b.stable, False) for b in branches)]),
+        "branch_stable": np.concatenate(
+            [path.stable[:0], *(np.append(b.stable, False) for b in branches)]
+        ),
         "branch_loop": [int(b.end == PathStatus.CLOSED_LOOP) for b in branches],
         "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in branches],
     }
 
 
 SAME, ROUNDED = 1e-7, 1e-12
-"""Of its largest slip, and of that on the path, by which a solution may differ on the path and on its branch."""
+"""Of its largest slip, and of that on the path, by which a solution may differ on the path and on
+its branch."""
 
 
 def _solutions(
-    plan: PathPlan, load: AffineLoad, path: Path, every: Branches | None, lambda_1: float, tolerance: float | None
+    plan: PathPlan,
+    load: AffineLoad,
+    path: Path,
+    every: Branches | None,
+    lambda_1: float,
+    tolerance: float | None,
 ) -> Values:
-    """Solutions on the path at the requested values; those of a smooth law by Newton's method from its stand-in's.
+    """Solutions on the path at the requested values; those of a smooth law by Newton's method from
+    its stand-in's.
 
-    every: all branches, whose solutions are added; of a smooth law they are those of another problem
+    every: all branches, whose solutions are added; of a smooth law they are those of another
+    problem
     """
     at, law, known = np.array(plan.at), load.problem.law, np.zeros(len(plan.at), dtype=bool)
     found = list[list[PathSolution]]()
@@ -251,12 +296,21 @@ def _solutions(
         if every is not None and law.piecewise_linear:
             known[n] = every.complete_at(t)
             for v, stable in every.solutions(t):
-                size = max(SAME * float(np.max(np.abs(v), initial=0.0)), ROUNDED * float(np.max(np.abs(path.u))))
+                size = max(
+                    SAME * float(np.max(np.abs(v), initial=0.0)),
+                    ROUNDED * float(np.max(np.abs(path.u))),
+                )
                 if all(np.max(np.abs(v - one.v)) > size for one in found[n]):
                     found[n].append(PathSolution(v, stable, -1))
     count = np.array([len(group) for group in found], dtype=np.intp)
-    i, solutions = np.repeat(np.arange(len(at)), count), [solution for group in found for solution in group]
-    u, rows = np.array([one.v for one in solutions]).reshape(-1, path.problem.m), load.problem.rows(at[i], lambda_1)
+    i, solutions = (
+        np.repeat(np.arange(len(at)), count),
+        [solution for group in found for solution in group],
+    )
+    u, rows = (
+        np.array([one.v for one in solutions]).reshape(-1, path.problem.m),
+        load.problem.rows(at[i], lambda_1),
+    )
     proofs, rounding = certify_rows(rows, u, tolerance), rows.xi_rounding(u)
     states = load.states("solution_", at[i], u, rows.xi(u) / rows.c)
     energy, least = states["solution_energy"], np.full(len(at), np.inf)
@@ -310,7 +364,8 @@ def execute_path(
 ) -> None:
     """Follow the path and write its file, with what is not as it was asked for in words.
 
-    swept: names of the sweep, whose values a path does not have. Raises PathError, StoreError or GeometryFailed.
+    swept: names of the sweep, whose values a path does not have. Raises PathError, StoreError or
+    GeometryFailed.
     """
     unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
     alone, plan = replace(study, axes=(), variants=()), study.path
@@ -327,7 +382,8 @@ def execute_path(
 
 
 def shortfalls(study: Study, record: Record) -> list[str]:
-    """What a user must know beside the results: an early end, missing or inexact solutions, an incomplete loop."""
+    """What a user must know beside the results: an early end, missing or inexact solutions, an
+    incomplete loop."""
     assert study.path is not None
     values, told = record.values, record.attributes
     whole = [status.name.lower() for status in WHOLE]
@@ -340,10 +396,14 @@ def shortfalls(study: Study, record: Record) -> list[str]:
     acceptance = Acceptance(study.solver.tolerance)
     solved = acceptance.accepts(values["solution_residual"], values["solution_rounding"])
     if inexact := int(np.count_nonzero(~solved)):
-        found.append(f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual")
+        found.append(
+            f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual"
+        )
     if told.get("complete_reason"):
         found.append(f"the branches are not proved to be all: {told['complete_reason']}")
     if study.path.hysteresis and not (values["loop_complete"] and values["loop_closed"]):
-        why = told["loop_reason"] if not values["loop_complete"] else "it does not end where it began"
+        why = (
+            told["loop_reason"] if not values["loop_complete"] else "it does not end where it began"
+        )
         found.append(f"the hysteresis loop is not whole: {why}")
     return found

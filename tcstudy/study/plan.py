@@ -1,8 +1,10 @@
-"""What a run would do, found out without doing it: counts, sizes, what is left out and why, and what it takes.
+"""What a run would do, found out without doing it: counts, sizes, what is left out and why, and
+what it takes.
 
-Time is measured: some points of the study on one mesh small enough to wait for, scaled to all of its own. Mesh and
-factor grow like N^1.08 (results/speed.md), a point with m as in results/online.md. Not known before a run: how many
-meshes an estimate asks for, what steps of a history and of the bundle method take.
+Time is measured: some points of the study on one mesh small enough to wait for, scaled to all of
+its own. Mesh and factor grow like N^1.08 (results/speed.md), a point with m as in
+results/online.md. Not known before a run: how many meshes an estimate asks for, what steps of a
+history and of the bundle method take.
 """
 
 from __future__ import annotations
@@ -58,7 +60,8 @@ FEW, MANY = 8, 128
 ENOUGH = 2.0
 """Seconds that FEW points take, from which on no more are tried."""
 FACTOR = 0.5
-"""Of what grows with N, what every ratio of moduli takes again: factor and loads (results/speed.md)."""
+"""Of what grows with N, what every ratio of moduli takes again: factor and loads
+(results/speed.md)."""
 WRITTEN = 6e-5
 """Seconds that a point takes to the file (tcstudy/README.md, Many machines)."""
 
@@ -106,7 +109,8 @@ def plan(study: Study) -> Plan:
 
 
 def _geometries(study: Study) -> tuple[list[Study], Study]:
-    """The studies of the geometries that are not refused, without the text that they share, and the largest of them."""
+    """The studies of the geometries that are not refused, without the text that they share, and the
+    largest of them."""
     kept = [one.study for one in study.variants if one.study is not None]
     own = [replace(one, scenes=Scenes.of(one.scenes), text="", overrides=()) for one in kept]
     return own, max(own, key=lambda one: predicted(one)[-1].n_dof)
@@ -145,7 +149,8 @@ def _left_out(study: Study) -> Iterator[str]:
 WORTH_SAYING = 2.0
 """Seconds of meshing from which on a forecast says so."""
 LONG = 2.0
-"""Lengths of elements over the height of a strip above which path and lowest state may differ (configs/README.md)."""
+"""Lengths of elements over the height of a strip above which path and lowest state may differ
+(configs/README.md)."""
 
 
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
@@ -158,13 +163,19 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     if mesh.strategy.note:  # what the table of levels does not say
         yield mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
     if study.kind != "run":
-        others = [name for name in ("history", "path") if getattr(study, name) is not None and name != study.kind]
+        others = [
+            name
+            for name in ("history", "path")
+            if getattr(study, name) is not None and name != study.kind
+        ]
         left = f"section {others[0]}" if others else "points of the sweep"
         yield f"{asked(study)}: run does this; for the {left} add --set {study.kind}=null"
     if study.history is not None and (body := scenes[0].body).brep is None:
         lengths = boundary_lengths(body)
         contact = sum(lengths[name] for name in scenes[0].edges(Contact))
-        ratio = contact**2 / (study.history.of(levels).n_contact * body_area(body))  # its height: area over Γ_C
+        ratio = contact**2 / (
+            study.history.of(levels).n_contact * body_area(body)
+        )  # its height: area over Γ_C
         if ratio > LONG:
             yield (
                 f"elements on the contact line are {ratio:.2g} times as long as the body is high there: they push "
@@ -184,7 +195,9 @@ def asked(study: Study) -> str:
         return f"fit of {', '.join(one.number.name for one in study.fit.parameters)} to {study.fit.file}"
     if study.kind == "history" and study.history is not None:
         points = f" at each of {len(study.scenes)} points" if len(study.scenes) > 1 else ""
-        return f"load history, {study.history.steps} steps of {', '.join(study.history.names)}{points}"
+        return (
+            f"load history, {study.history.steps} steps of {', '.join(study.history.names)}{points}"
+        )
     if study.kind == "path" and (path := study.path) is not None:
         units = f" {path.units}" if path.units != "1" else ""
         return f"path along {path.name} from {path.begin:.6g}{units} to {path.end:.6g}{units}"
@@ -192,36 +205,53 @@ def asked(study: Study) -> str:
 
 
 def hands(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> tuple[int, str]:
-    """How many processes will do the work, and in words who does what; empty if this one does all."""
+    """How many processes will do the work, and in words who does what; empty if this one does
+    all."""
     scheduler = "or by those of a scheduler (--dask)"
     if not study.variants and study.history is None:
         most = max((for_blocks(study, level.n_contact, jobs) for level in levels), default=1)
-        return most, f"contact problems solved by {most} worker processes (--jobs), {scheduler}" if most > 1 else ""
+        return (
+            most,
+            f"contact problems solved by {most} worker processes (--jobs), {scheduler}"
+            if most > 1
+            else "",
+        )
     if study.history is None:
-        what, each = "geometries", [of_geometry(one.study) for one in study.variants if one.study is not None]
+        what, each = (
+            "geometries",
+            [of_geometry(one.study) for one in study.variants if one.study is not None],
+        )
     else:
         one = study.history.of(levels)
         what, each = "histories", [of_history(study, one.n_dof, one.n_contact)] * len(study.scenes)
     if len(each) < 2 or (count := for_calls(each, jobs)) == 1:
         return 1, ""
-    return count, f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}"
+    return (
+        count,
+        f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}",
+    )
 
 
 def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
-    """What a run of a study takes with so many workers, whose forecast is `found`, by a trial on its largest geometry.
+    """What a run of a study takes with so many workers, whose forecast is `found`, by a trial on
+    its largest geometry.
 
-    The trial runs FEW and MANY of its points on one mesh, as the finest with TRIAL unknowns if that has more, which
-    tells mesh and factor from points.
+    The trial runs FEW and MANY of its points on one mesh, as the finest with TRIAL unknowns if that
+    has more, which tells mesh and factor from points.
     """
     own, largest = _geometries(study) if study.variants else ([study], study)
-    levels = [refined(found.levels if one is largest else predicted(one), study.mesh) for one in own]
+    levels = [
+        refined(found.levels if one is largest else predicted(one), study.mesh) for one in own
+    ]
     memory = MEMORY + UNKNOWN * max(level.n_dof for one in levels for level in one)
     if workers > 1:
         memory += workers * (memory if len(own) > 1 or study.history is not None else MEMORY)
     if why := unknown(study):
         return Resources(math.nan, memory, why)
     finest = refined(found.levels, study.mesh)[-1]
-    mesh = replace(study.mesh, maxh=(finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL)),), levels=1, refine=0)
+    mesh = replace(
+        study.mesh, maxh=(finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL)),), levels=1, refine=0
+    )
     few, many = (replace(_sample(largest, count), mesh=mesh) for count in (FEW, MANY))
     try:
         with threadpool_limits(1, user_api="blas"):
@@ -233,10 +263,15 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     seconds = START
     for one, sizes_of in zip(own, levels, strict=True):
         seconds += meshing_seconds(one.mesh, sizes_of) if study.mesh.nested else 0.0
-        factors = (1.0 + FACTOR * (_factorisations(one) - 1)) / (1.0 + FACTOR * (_factorisations(few) - 1))
+        factors = (1.0 + FACTOR * (_factorisations(one) - 1)) / (
+            1.0 + FACTOR * (_factorisations(few) - 1)
+        )
         for size in sizes_of:
             each = point * (POINT + NODE * size.n_contact) / (POINT + NODE * m) + WRITTEN
-            seconds += body * factors * (size.n_dof / n_dof) ** STAGES[1] + max(0, len(one.scenes) - FEW) * each
+            seconds += (
+                body * factors * (size.n_dof / n_dof) ** STAGES[1]
+                + max(0, len(one.scenes) - FEW) * each
+            )
     return Resources(seconds, memory)
 
 
@@ -254,14 +289,18 @@ def unknown(study: Study) -> str:
 
 
 def _factorisations(study: Study) -> int:
-    return len({Level.ratio(scene) for scene in distinct(study.scenes, *of_stiffness(study.scenes))})
+    return len(
+        {Level.ratio(scene) for scene in distinct(study.scenes, *of_stiffness(study.scenes))}
+    )
 
 
 def _sample(study: Study, count: int) -> Study:
     """The study with so many of its points, spread over all."""
     places = np.unique(np.linspace(0, len(study.scenes) - 1, count).astype(int))
     scenes = tuple(study.scenes[int(i)] for i in places)
-    return replace(study, scenes=scenes, axes=(), design=None, output=replace(study.output, live=False))
+    return replace(
+        study, scenes=scenes, axes=(), design=None, output=replace(study.output, live=False)
+    )
 
 
 def _timed(study: Study) -> tuple[int, int, float]:

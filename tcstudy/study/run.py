@@ -1,11 +1,12 @@
 """Run a study: level by level, block by block, into its result file.
 
-`stages` are the levels at work, `run` their records, `execute` writes these into a file: of one body, or of one
-geometry after the other.
+`stages` are the levels at work, `run` their records, `execute` writes these into a file: of one
+body, or of one geometry after the other.
 
-What is finished is kept in a journal at once, and the netCDF file appears whole at the end. A geometry is a study like
-any other, with the swept numbers put in. Where workers pay, each makes the mesh of a geometry and solves all its
-points, and this process alone writes; a geometry that is long or large is solved here, and its blocks by the workers.
+What is finished is kept in a journal at once, and the netCDF file appears whole at the end. A
+geometry is a study like any other, with the swept numbers put in. Where workers pay, each makes the
+mesh of a geometry and solves all its points, and this process alone writes; a geometry that is long
+or large is solved here, and its blocks by the workers.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LevelWork:
-    """What a level holds in store: its points, those finished before, and the relative cost of one of them.
+    """What a level holds in store: its points, those finished before, and the relative cost of one
+    of them.
 
     sure: whether there will be this level, which refinement up to a tolerance may not need
     """
@@ -99,12 +101,14 @@ def run(
 ) -> Iterator[LevelRecord | BlockRecord]:
     """Yield each level's record, then its points, block by block.
 
-    finished: blocks to leave out; their solutions start their neighbours as if they had been found in this run
-    executor: who solves the blocks of a level; None for this process
+    finished: blocks to leave out; their solutions start their neighbours as if they had been found
+    in this run executor: who solves the blocks of a level; None for this process
 
-    A point that fails is recorded with its status and reason, and the rest goes on. Points come in an order that
+    A point that fails is recorded with its status and reason, and the rest goes on. Points come in
+    an order that
     reuses factors and loads, not in the order of the sweep.
-    Raises GeometryFailed if the body cannot be meshed, WorkersFailed if the executor has no workers.
+    Raises GeometryFailed if the body cannot be meshed, WorkersFailed if the executor has no
+    workers.
     """
     for stage in stages(study, finished, executor):
         if stage.record is not None:
@@ -115,13 +119,17 @@ def run(
 
 
 def stages(
-    study: Study, finished: Sequence[BlockRecord] = (), executor: BlockExecutor | None = None, first: int = 0
+    study: Study,
+    finished: Sequence[BlockRecord] = (),
+    executor: BlockExecutor | None = None,
+    first: int = 0,
 ) -> Iterator[Stage]:
-    """The levels of a study one after the other; take all blocks of one before the next is asked for.
+    """The levels of a study one after the other; take all blocks of one before the next is asked
+    for.
 
-    first: the first level that is wanted; those before are meshes on the way to it, which must not need solutions
-    Where nothing is estimated, and neither points nor times are wanted, blocks may be left.
-    Raises GeometryFailed if the body cannot be meshed.
+    first: the first level that is wanted; those before are meshes on the way to it, which must not
+    need solutions Where nothing is estimated, and neither points nor times are wanted, blocks may
+    be left. Raises GeometryFailed if the body cannot be meshed.
     """
     clock = time.perf_counter()
     meshes = meshes_of(study)
@@ -139,7 +147,9 @@ def stages(
         except GeometryFailed as error:
             if i == 0 or not study.mesh.listed:
                 raise
-            left = np.setdiff1d(np.arange(len(study.scenes)), [place for one in known for place in one.points])
+            left = np.setdiff1d(
+                np.arange(len(study.scenes)), [place for one in known for place in one.points]
+            )
             failed = all_failed(study, i, left, PointStatus.MESH_FAILED, str(error))
             yield Stage(None, None, iter((failed,) if len(left) else ()), str)
             continue
@@ -154,8 +164,8 @@ def stages(
 
 
 def level_of(study: Study, scene: Scene, number: int | None, held: bool = True) -> Level:
-    """One level of a study by its number, None for the finest; held: whether more than friction holds the body.
-    Coarser meshes are only stations on the way to it. Raises GeometryFailed."""
+    """One level of a study by its number, None for the finest; held: whether more than friction
+    holds the body. Coarser meshes are only stations on the way to it. Raises GeometryFailed."""
     meshes, count = Meshes(study), study.mesh.levels if number is None else number + 1
     return Level([meshes.next(i) for i in range(count)][-1], scene, held=held)
 
@@ -190,7 +200,9 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
     if len(at):
         starts, (x, y) = np.cumsum(line.lengths) - line.lengths, line.ends[at, side].T
         fields = {"held_arclength": starts[at] + side * line.lengths[at], "held_x": x, "held_y": y}
-    fields |= {f"joint_{name}": values for name, values in line.joints._asdict().items() if len(values)}
+    fields |= {
+        f"joint_{name}": values for name, values in line.joints._asdict().items() if len(values)
+    }
     if study.output.fields:
         fields |= {
             "node_x": mesh.points[:, 0],
@@ -220,20 +232,29 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
 
 
 def as_start(study: Study, block: BlockRecord) -> BlockRecord:
-    """What the run needs of a finished block: which points, and their solutions if others begin from them.
-    Copies, since a journal's arrays are views of all that the block has; the rest stays on the disk."""
+    """What the run needs of a finished block: which points, and their solutions if others begin
+    from them. Copies, since a journal's arrays are views of all that the block has; the rest stays
+    on the disk."""
     u_T = block.u_T if study.mesh.estimates or keeps_solutions(study) else None
     own = block.points.copy(), block.status.copy(), block.reasons
-    return BlockRecord(block.level, block.shape, *own, numbers={}, u_T=None if u_T is None else u_T.copy())
+    return BlockRecord(
+        block.level, block.shape, *own, numbers={}, u_T=None if u_T is None else u_T.copy()
+    )
 
 
 def work_of(study: Study, finished: Iterable[BlockRecord]) -> list[LevelWork]:
-    """Points of every level, and those finished before; a point costs about as much as its mesh has nodes."""
+    """Points of every level, and those finished before; a point costs about as much as its mesh has
+    nodes."""
     mesh, growth, done = study.mesh, study.mesh.strategy.growth, [0] * study.mesh.levels
     for block in finished:
         done[block.level] += len(block)
-    finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
-    return [LevelWork(len(study.scenes), done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]
+    finer = [
+        (mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)
+    ]
+    return [
+        LevelWork(len(study.scenes), done[i], finer[i], not mesh.open_ended)
+        for i in range(mesh.levels)
+    ]
 
 
 def to_file(
@@ -244,8 +265,8 @@ def to_file(
     alone: Study | None = None,
     said: Sequence[Remark] = (),
 ) -> None:
-    """Write the file of what `find` finds of a study, or of a part of it alone; its warnings are said before, behind
-    others.
+    """Write the file of what `find` finds of a study, or of a part of it alone; its warnings are
+    said before, behind others.
 
     Raises StoreError if the file cannot be written, before any work as far as that is known.
     """
@@ -285,9 +306,12 @@ class Kept:
 
     @classmethod
     def of(cls, path: Path, stored: Study, study: Study) -> Kept:
-        """What failed by its own numbers would fail again; on meshes that follow from solutions all points stay."""
+        """What failed by its own numbers would fail again; on meshes that follow from solutions all
+        points stay."""
         with opened(path) as nc:
-            again = np.isin(nc["status"][...], (PointStatus.NOT_RUN, PointStatus.ERROR)) & (not study.mesh.open_ended)
+            again = np.isin(nc["status"][...], (PointStatus.NOT_RUN, PointStatus.ERROR)) & (
+                not study.mesh.open_ended
+            )
         todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
         todo[places_in(study, stored)] = again.reshape(-1, again.shape[-1])
         return cls(study, todo, path, stored)
@@ -302,17 +326,22 @@ class Kept:
 
     @cached_property
     def _groups(self) -> dict[int | None, tuple[netCDF4.Dataset, Study]]:
-        """The file and its study; of every body of the study that it has, its group there and its study there."""
+        """The file and its study; of every body of the study that it has, its group there and its
+        study there."""
         if self.stored is None:
             return {}
         nc = self._file.enter_context(opened(self.path))
         found: dict[int | None, tuple[netCDF4.Dataset, Study]] = {None: (nc, self.stored)}
         if not self.study.variants:
             return found | {0: (nc, self.stored)}
-        numbers = np.full(len(self.study.scenes), -1)  # of the groups that points belong to, −1 for none
+        numbers = np.full(
+            len(self.study.scenes), -1
+        )  # of the groups that points belong to, −1 for none
         numbers[places_in(self.study, self.stored)] = nc["geometry"][...].ravel()
         for i, body in enumerate(self.study.bodies):
-            if (n := int(numbers[body.places].max())) >= 0 and (own := self.stored.bodies[n].study) is not None:
+            if (n := int(numbers[body.places].max())) >= 0 and (
+                own := self.stored.bodies[n].study
+            ) is not None:
                 found[i] = nc[f"geometry_{n}"], own
         return found
 
@@ -328,22 +357,30 @@ class Kept:
         body = self.study.bodies[number]
         if number in self._groups and body.study is not None:
             nc, own = self._groups[number]
-            yield from read_blocks(nc, body.study, places_in(body.study, own), ~self.todo[body.places])
+            yield from read_blocks(
+                nc, body.study, places_in(body.study, own), ~self.todo[body.places]
+            )
 
     def before(self, attributes: Mapping[str, Any], number: int | None = None) -> Mapping[str, Any]:
-        """The attributes of a run, or of one of its geometries, with the file's history before its own."""
+        """The attributes of a run, or of one of its geometries, with the file's history before its
+        own."""
         if number not in self._groups:
             return attributes
-        return {**attributes, "history": f"{self._groups[number][0].getncattr('history')}\n{attributes['history']}"}
+        return {
+            **attributes,
+            "history": f"{self._groups[number][0].getncattr('history')}\n{attributes['history']}",
+        }
 
     def close(self) -> None:
-        """Close the file, which stays open once something of it was asked for: with many groups opening takes long."""
+        """Close the file, which stays open once something of it was asked for: with many groups
+        opening takes long."""
         self._file.close()
 
 
 def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept]:
     """(the study of the whole file, what the file keeps of it).
-    append: the file may have other points of the study, which stay. Raises StoreError if it holds something else."""
+    append: the file may have other points of the study, which stay. Raises StoreError if it holds
+    something else."""
     if append:
         from tcstudy.study.append import appended  # which reads the study of the file again
 
@@ -354,7 +391,8 @@ def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple
 
 
 LONG, LARGE = 60.0, 2**28
-"""Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
+"""Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block
+by block."""
 
 
 def execute(
@@ -367,7 +405,8 @@ def execute(
     kept: Kept | None = None,
     pool: WorkerPool | None = None,
 ) -> Summary:
-    """Run all points of a study, of one body or of one geometry after the other, and write the result file.
+    """Run all points of a study, of one body or of one geometry after the other, and write the
+    result file.
 
     jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
     kept: what the output has of the study already and keeps (study.append), None for nothing
@@ -389,12 +428,21 @@ def execute(
     ):
         tell([*journal.warnings, *(remarks := warnings(study))])
         each = [_results(study, kept, journal, i) for i in range(len(bodies))]
-        # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
+        # what broke down unexpectedly is tried again; what failed by its own numbers would fail
+        # again
         finished = [
-            [as_start(study, one) for one in own.blocks() if not np.any(one.status == PointStatus.ERROR)]
+            [
+                as_start(study, one)
+                for one in own.blocks()
+                if not np.any(one.status == PointStatus.ERROR)
+            ]
             for own in each
         ]
-        work, failed, meshed = work_of(study, chain.from_iterable(finished)), list[BlockRecord](), dict[int, Results]()
+        work, failed, meshed = (
+            work_of(study, chain.from_iterable(finished)),
+            list[BlockRecord](),
+            dict[int, Results](),
+        )
         if watcher is not None:
             watcher.begin(work)
         for i, (body, found) in enumerate(zip(bodies, _found(study, finished, pool), strict=True)):
@@ -406,7 +454,9 @@ def execute(
                     journal.add(record, i)
                     _show(watcher, record, study, body)
             except Exception as error:  # as of a block: one geometry must not end a sweep
-                if not study.variants or (isinstance(error, UserFault) and not isinstance(error, GeometryFailed)):
+                if not study.variants or (
+                    isinstance(error, UserFault) and not isinstance(error, GeometryFailed)
+                ):
                     raise
                 status, reason = PointStatus.MESH_FAILED, str(error)
                 if not isinstance(error, GeometryFailed):
@@ -422,10 +472,18 @@ def execute(
             whole = replace(whole, study=study, levels=tuple, blocks=lambda: failed)
             for i, own in meshed.items():
                 said = warnings(own.study, text=False)
-                meshed[i] = replace(own, attributes=kept.before(collect(own.study, command, remarks=said), i))
-        elif study.mesh.estimates and not study.mesh.listed and (levels := [level.level for level in each[0].levels()]):
+                meshed[i] = replace(
+                    own, attributes=kept.before(collect(own.study, command, remarks=said), i)
+                )
+        elif (
+            study.mesh.estimates
+            and not study.mesh.listed
+            and (levels := [level.level for level in each[0].levels()])
+        ):
             # without those that its tolerance did not need
-            whole = replace(whole, study=replace(study, mesh=replace(study.mesh, levels=levels[-1] + 1)))
+            whole = replace(
+                whole, study=replace(study, mesh=replace(study.mesh, levels=levels[-1] + 1))
+            )
         count, bad = write(output, whole, meshed if study.variants else {}, kept.close)
         journal.discard()
     return Summary(count, bad, sum(one.done for one in work))
@@ -437,7 +495,9 @@ def _results(study: Study, kept: Kept, journal: Journal, i: int) -> Results:
     def levels() -> Iterable[LevelRecord]:
         return {level.level: level for level in (*kept.levels(i), *journal.levels(i))}.values()
 
-    return Results(study.bodies[i].study or study, levels, lambda: chain(kept.blocks(i), journal.blocks(i)))
+    return Results(
+        study.bodies[i].study or study, levels, lambda: chain(kept.blocks(i), journal.blocks(i))
+    )
 
 
 Records = list[LevelRecord | BlockRecord]
@@ -446,8 +506,9 @@ Records = list[LevelRecord | BlockRecord]
 def _found(
     study: Study, finished: Sequence[Sequence[BlockRecord]], pool: WorkerPool
 ) -> Iterator[Callable[[], Iterable[LevelRecord | BlockRecord]]]:
-    """What finds the records of every body that are not finished, here or by a worker that makes its mesh.
-    A geometry that takes long or has large results, or points from before, is solved here, block by block."""
+    """What finds the records of every body that are not finished, here or by a worker that makes
+    its mesh. A geometry that takes long or has large results, or points from before, is solved
+    here, block by block."""
     sent, answers = dict[int, tuple[Study, Resources]](), iter(list[Future[Records]]())
     for i, body in enumerate(study.variants):
         if (own := body.study) is not None and not finished[i]:
@@ -456,7 +517,10 @@ def _found(
                 sent[i] = own, of_geometry(own)
     if (who := pool.whole([one for _, one in sent.values()])) is not None:
         words = {i: f"geometry-{i} {study.variants[i].words}" for i in sent}
-        calls = (submit(who, solve_geometry, own, name=words[i], seconds=one.seconds) for i, (own, one) in sent.items())
+        calls = (
+            submit(who, solve_geometry, own, name=words[i], seconds=one.seconds)
+            for i, (own, one) in sent.items()
+        )
         answers = in_order(who, calls)
 
     def found(i: int) -> Iterable[LevelRecord | BlockRecord]:
@@ -465,7 +529,11 @@ def _found(
         whole = sum(map(len, finished[i])) == len(own.scenes) * own.mesh.levels
         if whole and not (own.output.live or own.mesh.estimates):  # not even a mesh is needed
             return ()
-        return next(answers).result() if i in sent and who is not None else run(own, finished[i], pool.blocks)
+        return (
+            next(answers).result()
+            if i in sent and who is not None
+            else run(own, finished[i], pool.blocks)
+        )
 
     return (partial(found, i) for i in range(len(study.bodies)))
 
@@ -473,14 +541,18 @@ def _found(
 def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
     """A level that was solved in part before, with what a page needs of all points.
     Raises StoreError for another mesh."""
-    if not all(np.array_equal(getattr(old, name), getattr(new, name)) for name in ("n_dof", "x", "y", "c", "edge")):
+    if not all(
+        np.array_equal(getattr(old, name), getattr(new, name))
+        for name in ("n_dof", "x", "y", "c", "edge")
+    ):
         what = f"the mesh of level {old.level} is not that of the points solved before, which stay"
         raise StoreError(f"{what}; run the whole study with --force")
     return replace(old, fields=new.fields, stop=new.stop)
 
 
 def _show(watcher: Watcher | None, record: Any, study: Study, body: Variant | None = None) -> None:
-    """Tell of a level, or of points by their places in the whole sweep; body: whose places they have, if not that."""
+    """Tell of a level, or of points by their places in the whole sweep; body: whose places they
+    have, if not that."""
     if watcher is None:
         return
     if isinstance(record, BlockRecord):
@@ -491,7 +563,8 @@ def _show(watcher: Watcher | None, record: Any, study: Study, body: Variant | No
 
 
 def solve_geometry(study: Study) -> list[LevelRecord | BlockRecord]:
-    """All records of the run of a study with one geometry, in their order. Raises GeometryFailed."""
+    """All records of the run of a study with one geometry, in their order. Raises
+    GeometryFailed."""
     for keys, what, remedy in built_faults(study):
         raise GeometryFailed(f"{what}; {remedy}", tuple(map(str, keys)))
     return list(run(study))

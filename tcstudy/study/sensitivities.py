@@ -1,6 +1,7 @@
 """Derivatives by numbers of a study at the solution of a point, for the variables of `data.schema`.
 
-A point is linearised once at its solution (`contact.solution.Linearised`); a number then costs O(m²).
+A point is linearised once at its solution (`contact.solution.Linearised`); a number then costs
+O(m²).
 """
 
 from __future__ import annotations
@@ -29,15 +30,19 @@ Rates = tuple[Array, Array, float]
 
 
 def rates_of(whole: WholeBody, number: Sensitivity, at: Linearised, change: Change) -> Rates:
-    """Derivatives by a number at a solution. Raises KeyError for one that the scene does not have."""
+    """Derivatives by a number at a solution. Raises KeyError for one that the scene does not
+    have."""
     right = whole.right_side(change)
     friction = friction_slopes(whole.level, whole.scene, number, at)
     dv = at.step(right - at.problem.c * friction.b, friction.kinks)
     return dv, right - at.problem.A_tilde @ dv, change.theta_mean
 
 
-def derivatives_of(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]) -> dict[str, float]:
-    """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN at an event."""
+def derivatives_of(
+    level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]
+) -> dict[str, float]:
+    """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN
+    at an event."""
     at = Linearised.at(level.condensed(scene).problem, v)
     verdict = AT_FOLD if at.singular else AT_EVENT if at.events else DIFFERENTIABLE
     found: dict[str, float] = {SENSITIVITY_STATUS: verdict, SENSITIVITY_EVENTS: at.events}

@@ -1,10 +1,12 @@
-"""What the work of a run is, known before anything is solved, and who does it: this process, workers, a dask cluster.
+"""What the work of a run is, known before anything is solved, and who does it: this process,
+workers, a dask cluster.
 
-`predicted` needs areas and lengths alone; `sizes` counts meshes while they are small, and predicts others from the last
-one counted: where h is halved, what lies in triangles grows fourfold, what lies on edges twofold.
+`predicted` needs areas and lengths alone; `sizes` counts meshes while they are small, and predicts
+others from the last one counted: where h is halved, what lies in triangles grows fourfold, what
+lies on edges twofold.
 
-Times, which decide about workers, are those of results/speed.md, t = c Nᵖ for N displacement unknowns; what users are
-told is measured (`study.plan`).
+Times, which decide about workers, are those of results/speed.md, t = c Nᵖ for N displacement
+unknowns; what users are told is measured (`study.plan`).
 """
 
 from __future__ import annotations
@@ -23,20 +25,30 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.errors import GeometryFailed
-from tcstudy.executors.processes import TIMEOUT, Job, PackedExecutor, ProcessExecutor, SerialExecutor, available
+from tcstudy.executors.processes import (
+    TIMEOUT,
+    Job,
+    PackedExecutor,
+    ProcessExecutor,
+    SerialExecutor,
+    available,
+)
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 
 POINT, NODE = 0.08e-3, 2.6e-6
-"""Seconds that a point takes to the file, and more for each contact unknown (results/online.md, m = 11 to 176)."""
+"""Seconds that a point takes to the file, and more for each contact unknown (results/online.md, m =
+11 to 176)."""
 START, LEVEL = 2.0, 0.3
 """Seconds that starting takes, and a level whatever its size."""
 STAGES = (4.6e-6, 1.08)
-"""(c, p) of all stages of a level, from the refinement of its mesh to its loads, with a heat problem."""
+"""(c, p) of all stages of a level, from the refinement of its mesh to its loads, with a heat
+problem."""
 STEP = 75.0
-"""Times as long as a point of a block takes a step of a history (13 ms with 40 nodes, 33 ms with 133)."""
+"""Times as long as a point of a block takes a step of a history (13 ms with 40 nodes, 33 ms with
+133)."""
 MEMORY, UNKNOWN = 270e6, 2700.0
 """Bytes of the program, and more for each unknown of the finest mesh (2.79 GB at N = 939,518)."""
 MOST_NODES = 10_000
@@ -45,7 +57,8 @@ MOST_NODES = 10_000
 
 @dataclass(frozen=True)
 class LevelForecast:
-    """One mesh level: element size asked for [m], mesh nodes, displacement unknowns and contact unknowns.
+    """One mesh level: element size asked for [m], mesh nodes, displacement unknowns and contact
+    unknowns.
 
     exact: whether they are counted, else predicted
     """
@@ -67,10 +80,11 @@ class Resources:
 
 
 def predicted(study: Study) -> tuple[LevelForecast, ...]:
-    """Sizes without a mesh of the levels whose number is known beforehand. Raises GeometryFailed if a file has no face.
+    """Sizes without a mesh of the levels whose number is known beforehand. Raises GeometryFailed if
+    a file has no face.
 
-    By Euler's formula with equilateral triangles of edge h (Netgen's for maxh = h have 0.9 to 1.04 h on average); too
-    low where small features, arcs or grading refine the mesh.
+    By Euler's formula with equilateral triangles of edge h (Netgen's for maxh = h have 0.9 to 1.04
+    h on average); too low where small features, arcs or grading refine the mesh.
     """
     scene, mesh = study.scenes[0], study.mesh
     if scene.body.brep is None:
@@ -89,12 +103,15 @@ def predicted(study: Study) -> tuple[LevelForecast, ...]:
         h = mesh.maxh[i] if mesh.listed else mesh.maxh[0] / 2**i
         nodes = area / (math.sqrt(3) / 4 * h**2) / 2 + sum(lengths.values()) / h / 2 + 1
         n_dof = 2 * nodes - 2 * held / h - contact / h
-        found.append(LevelForecast(h, round(nodes), max(1, round(n_dof)), max(1, round(contact / h))))
+        found.append(
+            LevelForecast(h, round(nodes), max(1, round(n_dof)), max(1, round(contact / h)))
+        )
     return tuple(found)
 
 
 def sizes(study: Study) -> tuple[LevelForecast, ...]:
-    """The same, counted on meshes that are small. Raises GeometryFailed where a run would before it solves anything."""
+    """The same, counted on meshes that are small. Raises GeometryFailed where a run would before it
+    solves anything."""
     rough, plan, scene = predicted(study), study.mesh, study.scenes[0]
     if rough[0].nodes > MOST_NODES and not plan.listed:
         return rough
@@ -117,7 +134,9 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
                 frames = constrain(mesh, held)
                 m = contact_line(mesh, frames, scene.edges(Contact)).m
                 size = LevelForecast(size.h, mesh.n_points, frames.n_dof, m, exact=True)
-            except GeometryFailed:  # of a list, a mesh that cannot be made is a status of its points
+            except (
+                GeometryFailed
+            ):  # of a list, a mesh that cannot be made is a status of its points
                 if level == 0 or not plan.listed:
                     raise
         found.append(size)
@@ -125,21 +144,33 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
 
 
 def refined(levels: Sequence[LevelForecast], mesh: MeshPlan) -> tuple[LevelForecast, ...]:
-    """Levels up to the bound of the unknowns, where an estimate decides about meshes after those that are known.
+    """Levels up to the bound of the unknowns, where an estimate decides about meshes after those
+    that are known.
 
-    Adaptive meshes grow about twofold from level to level, others fourfold. The contact line grows like N^(3/4),
-    between the N^(1/2) of the body's other boundary and the N of meshes that are refined at the contact line only.
+    Adaptive meshes grow about twofold from level to level, others fourfold. The contact line grows
+    like N^(3/4), between the N^(1/2) of the body's other boundary and the N of meshes that are
+    refined at the contact line only.
     """
     if not levels or not mesh.open_ended:
         return tuple(levels)
     growth, last = mesh.strategy.growth, levels[-1]
     most = max(1.0, mesh.max_dofs / last.n_dof)
-    ratios = [1.0, *itertools.takewhile(lambda ratio: ratio < most, (growth**i for i in range(1, mesh.levels)))]
+    ratios = [
+        1.0,
+        *itertools.takewhile(
+            lambda ratio: ratio < most, (growth**i for i in range(1, mesh.levels))
+        ),
+    ]
     if len(ratios) < mesh.levels:
         ratios.append(most)
     n_dofs = [round(last.n_dof * ratio) for ratio in ratios]
     return tuple(
-        LevelForecast(last.h, last.nodes + (n_dof - last.n_dof) // 2, n_dof, round(last.n_contact * ratio**0.75))
+        LevelForecast(
+            last.h,
+            last.nodes + (n_dof - last.n_dof) // 2,
+            n_dof,
+            round(last.n_contact * ratio**0.75),
+        )
         for n_dof, ratio in zip(n_dofs, ratios, strict=True)
     )
 
@@ -150,22 +181,27 @@ def contact_seconds(study: Study, m: int) -> float:
 
 
 def meshing_seconds(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> float:
-    """Seconds of this processor for the meshes that Netgen makes itself; fewer triangles than SAMPLE take none."""
+    """Seconds of this processor for the meshes that Netgen makes itself; fewer triangles than
+    SAMPLE take none."""
     from tcstudy.fem import meshes
 
-    triangles = sum(2 * level.nodes for level in (levels[:1] if mesh.nested else levels)) / 4**mesh.refine
+    triangles = (
+        sum(2 * level.nodes for level in (levels[:1] if mesh.nested else levels)) / 4**mesh.refine
+    )
     return triangles / meshes.triangles_a_second() if triangles > meshes.SAMPLE else 0.0
 
 
 def of_history(study: Study, n_dof: int, m: int) -> Resources:
-    """What the steps of one point are expected to take, with so many unknowns of the body and its contact line."""
+    """What the steps of one point are expected to take, with so many unknowns of the body and its
+    contact line."""
     assert study.history is not None
     each = contact_seconds(study, m) / len(study.scenes)
     return Resources(study.history.steps * STEP * each, MEMORY + UNKNOWN * n_dof)
 
 
 def of_geometry(study: Study) -> Resources:
-    """What all points of a geometry of a sweep are expected to take, without a look at its meshes."""
+    """What all points of a geometry of a sweep are expected to take, without a look at its
+    meshes."""
     levels, (c, p) = refined(predicted(study), study.mesh), STAGES
     spent = sum(LEVEL + c * v.n_dof**p + contact_seconds(study, v.n_contact) for v in levels)
     memory = MEMORY + UNKNOWN * max(v.n_dof for v in levels)
@@ -187,11 +223,16 @@ def expected_bytes(study: Study, levels: Sequence[LevelForecast] | None = None) 
         from tcstudy.data.tables import history_variables
 
         sizes = {"step": study.history.steps + 1, "node": study.history.of(levels).n_contact}
-        return schema.expected_bytes(study, ()) + schema.bytes_of(study, history_variables(study), sizes)
-    return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])
+        return schema.expected_bytes(study, ()) + schema.bytes_of(
+            study, history_variables(study), sizes
+        )
+    return schema.expected_bytes(
+        study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)]
+    )
 
 
-# -- who does it ------------------------------------------------------------------------------------
+# -- who does it
+# ------------------------------------------------------------------------------------
 
 T = TypeVar("T")
 BlockExecutor = Callable[[Study, int], SerialExecutor]
@@ -216,7 +257,8 @@ def paying(seconds: float, jobs: int | None, start: float = 0.0) -> int:
 
 
 def for_blocks(study: Study, m: int, jobs: int | None = None) -> int:
-    """The same for a level with m contact unknowns; points that are not solved in blocks leave workers nothing."""
+    """The same for a level with m contact unknowns; points that are not solved in blocks leave
+    workers nothing."""
     return paying(contact_seconds(study, m), jobs) if study.solver.in_blocks else 1
 
 
@@ -231,7 +273,11 @@ def for_calls(calls: Sequence[Resources], jobs: int | None, start: float = 0.0) 
 
 def _memory() -> float:
     """Of this machine [byte]."""
-    return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else np.inf
+    return (
+        float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+        if hasattr(os, "sysconf")
+        else np.inf
+    )
 
 
 class WorkerPool:
@@ -244,10 +290,11 @@ class WorkerPool:
         self._pool: ProcessExecutor | None = None
 
     def ready(self, study: Study) -> WorkerPool:
-        """The same, connected to the scheduler, or with workers of this machine where the levels promise to pay.
+        """The same, connected to the scheduler, or with workers of this machine where the levels
+        promise to pay.
 
-        These take as long to start as what a run has to do, and to import, before its first block. Raises WorkersFailed
-        if the scheduler does not answer.
+        These take as long to start as what a run has to do, and to import, before its first block.
+        Raises WorkersFailed if the scheduler does not answer.
         """
         if self.dask is not None:
             from tcstudy.executors.cluster import DaskExecutor
@@ -270,7 +317,8 @@ class WorkerPool:
         return self._of(for_blocks(study, m, self.jobs))
 
     def whole(self, calls: Sequence[Resources], start: float = 0.0) -> SerialExecutor | None:
-        """Who does calls that take so much, after `start` seconds; None where this process does without."""
+        """Who does calls that take so much, after `start` seconds; None where this process does
+        without."""
         if self._cluster is not None:
             return self._cluster if len(calls) > 1 else None
         count = for_calls(calls, self.jobs, start)
@@ -291,9 +339,15 @@ class WorkerPool:
 
 
 def submit(
-    executor: SerialExecutor, function: Callable[..., T], study: Study, *given: object, name: str, seconds: float = 0.0
+    executor: SerialExecutor,
+    function: Callable[..., T],
+    study: Study,
+    *given: object,
+    name: str,
+    seconds: float = 0.0,
 ) -> Future[T]:
-    """Have function(study, *given) done by a worker anywhere; the file of a body, if any, travels as its content.
+    """Have function(study, *given) done by a worker anywhere; the file of a body, if any, travels
+    as its content.
 
     seconds: that it is expected to take
     """
@@ -303,7 +357,9 @@ def submit(
     return executor.submit(job, content, function, study, *given)
 
 
-def _with_file(content: bytes | None, function: Callable[..., T], study: Study, *given: object) -> T:
+def _with_file(
+    content: bytes | None, function: Callable[..., T], study: Study, *given: object
+) -> T:
     """Call it with a study whose body is read from the content of its file, if it has one."""
     if content is None:
         return function(study, *given)

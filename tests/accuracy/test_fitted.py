@@ -1,4 +1,5 @@
-"""Least squares with intervals against linear regression in closed form; what is not determined; runs of signs."""
+"""Least squares with intervals against linear regression in closed form; what is not determined;
+runs of signs."""
 
 import numpy as np
 import pytest
@@ -16,12 +17,16 @@ def box(k: int = 2, log: bool = False) -> Box:
 
 def decay(p: Array) -> tuple[Array, Array]:
     """y = a exp(−b x) with a = 3, b = 0.8 and scatter 0.02."""
-    e, data = np.exp(-p[1] * X), 3.0 * np.exp(-0.8 * X) + 0.02 * np.random.default_rng(3).normal(size=len(X))
+    e, data = (
+        np.exp(-p[1] * X),
+        3.0 * np.exp(-0.8 * X) + 0.02 * np.random.default_rng(3).normal(size=len(X)),
+    )
     return (p[0] * e - data) / 0.02, np.stack([e, -p[0] * X * e], axis=1) / 0.02
 
 
 def test_outliers_count_less_but_what_is_no_measurement_counts_as_it_is() -> None:
-    """Σρ(r²) of data with an outlier, and a prior of its own that pulls far: the least value by another method."""
+    """Σρ(r²) of data with an outlier, and a prior of its own that pulls far: the least value by
+    another method."""
     data = np.array([0.9, 1.0, 1.1, 9.0])
 
     def model(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -32,7 +37,9 @@ def test_outliers_count_less_but_what_is_no_measurement_counts_as_it_is() -> Non
 
     wide = Box(np.array([0.0]), np.array([40.0]), np.array([False]))
     found = minimise(model, np.array([2.0]), wide, "soft_l1", prior=1)
-    expected = optimize.minimize_scalar(cost, bounds=(0.0, 40.0), method="bounded", options={"xatol": 1e-10})
+    expected = optimize.minimize_scalar(
+        cost, bounds=(0.0, 40.0), method="bounded", options={"xatol": 1e-10}
+    )
     assert found.p == pytest.approx([expected.x], rel=1e-4)
     assert found.cost == pytest.approx(0.5 * expected.fun, rel=1e-8)
 
@@ -65,8 +72,17 @@ def test_known_noise_gives_chi_square_and_a_wrong_shape_few_runs() -> None:
         data = 3.0 * np.exp(-0.8 * X)
         return (p[0] - p[1] * X - data) / 0.02, np.stack([np.ones_like(X), -X], axis=1) / 0.02
 
-    wrong = uncertainty(minimise(straight, np.array([2.0, 1.0]), box()), box(), [np.arange(len(X))], known_noise=True)
-    assert (wrong["fit_probability"] < 1e-6, wrong["runs"], wrong["runs_probability"] < 1e-4) == (True, 3, True)
+    wrong = uncertainty(
+        minimise(straight, np.array([2.0, 1.0]), box()),
+        box(),
+        [np.arange(len(X))],
+        known_noise=True,
+    )
+    assert (wrong["fit_probability"] < 1e-6, wrong["runs"], wrong["runs_probability"] < 1e-4) == (
+        True,
+        3,
+        True,
+    )
     assert wrong["information_criterion"] > said["information_criterion"]
 
 
@@ -82,8 +98,13 @@ def test_what_only_a_product_decides_is_named() -> None:
     assert product(said["singular_vector"][0], ("tau_s", "delta")) == "tau_s·delta"
     other = minimise(model, np.array([10.0, 0.5]), box(log=True))
     assert not np.allclose(other.p, found.p, rtol=0.1)
-    assert [len(same) for same in different([found, other], box(log=True), True)] == [2]  # ends of one valley
-    assert product(said["singular_vector"][1], ("tau_s", "delta")) in ("tau_s·delta^-1", "tau_s^-1·delta")
+    assert [len(same) for same in different([found, other], box(log=True), True)] == [
+        2
+    ]  # ends of one valley
+    assert product(said["singular_vector"][1], ("tau_s", "delta")) in (
+        "tau_s·delta^-1",
+        "tau_s^-1·delta",
+    )
 
 
 def test_a_parameter_on_its_bound_has_no_interval_and_several_starts_find_several_minima() -> None:
@@ -98,7 +119,9 @@ def test_a_parameter_on_its_bound_has_no_interval_and_several_starts_find_severa
         return np.array([np.sin(p[0]), 0.1 * (p[0] - 6.0)]), np.array([[np.cos(p[0])], [0.1]])
 
     wide = Box(np.array([0.5]), np.array([12.0]), np.array([False]))
-    minima = different([minimise(waves, start, wide) for start in wide.starts(np.array([2.0]), 8, 0)], wide, False)
+    minima = different(
+        [minimise(waves, start, wide) for start in wide.starts(np.array([2.0]), 8, 0)], wide, False
+    )
     assert len(minima) >= 3
     assert sum(map(len, minima)) == 8
     assert minima[0][0].p[0] == pytest.approx(2.0 * np.pi, abs=0.05)
@@ -117,8 +140,17 @@ def test_feet_follow_a_curve_that_turns_back() -> None:
 def test_rounding_does_not_choose_the_sign_at_a_corner() -> None:
     """A snap-back of 170°, whose sides see a point beyond their corner on different hands."""
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0 - np.cos(np.pi / 18), np.sin(np.pi / 18)]])
-    for point, sign in (([1.5, 0.01], -1.0), ([1.5, 0.2], -1.0), ([0.5, 0.01], 1.0), ([1.0, -0.3], -1.0)):
+    for point, sign in (
+        ([1.5, 0.01], -1.0),
+        ([1.5, 0.2], -1.0),
+        ([0.5, 0.01], 1.0),
+        ([1.0, -0.3], -1.0),
+    ):
         for off in np.linspace(-3e-16, 3e-16, 7):
-            found = feet(np.array([point]), corners + off * np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
+            found = feet(
+                np.array([point]), corners + off * np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]])
+            )
             assert np.sign(found.distance[0]) == sign
-            np.testing.assert_allclose(found.point[0] + found.distance[0] * found.normal[0], point, rtol=1e-14)
+            np.testing.assert_allclose(
+                found.point[0] + found.distance[0] * found.normal[0], point, rtol=1e-14
+            )

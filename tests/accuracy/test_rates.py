@@ -19,11 +19,16 @@ def test_only_asymptotic_levels_are_fitted_and_unsettled_ones_whole():
     assert (swinging.first_level, swinging.settled) == (0, False)
     error = H**2 + np.array([5, 0.5, 0, 0, 0, 0])
     found = fit(H, error, ALL)
-    assert (found.first_level, found.settled, found.slope) == (2, True, pytest.approx(2.0, rel=1e-12))
+    assert (found.first_level, found.settled, found.slope) == (
+        2,
+        True,
+        pytest.approx(2.0, rel=1e-12),
+    )
 
 
 def test_errors_that_grow_like_rounding_are_rounding():
-    """As on patch tests, eps/h²: beyond 1e-11 on fine meshes they used to be rates of −2; seven times more are none."""
+    """As on patch tests, eps/h²: beyond 1e-11 on fine meshes they used to be rates of −2; seven
+    times more are none."""
     h = 0.5 ** np.arange(3, 10)
     error, usable = 12 * np.finfo(float).eps / h**2, np.ones(7, dtype=bool)
     assert error[-1] > 1e-11
@@ -40,7 +45,9 @@ def test_richardson_finds_limit_and_order():
     assert found["limit"] == pytest.approx(2.0, rel=1e-12)
     assert found["limit_order"] == pytest.approx(1.4, rel=1e-9)
     uneven = np.array([1.0, 0.6, 0.25, 0.1])
-    assert richardson(uneven, 2 + 0.3 * uneven**1.4, ALL[:4])["limit"] == pytest.approx(2.0, rel=1e-10)
+    assert richardson(uneven, 2 + 0.3 * uneven**1.4, ALL[:4])["limit"] == pytest.approx(
+        2.0, rel=1e-10
+    )
 
 
 def test_the_uncertainty_covers_the_limit():

@@ -1,4 +1,5 @@
-"""Contact problems of the comparisons, on synthetic lines and on real bodies from the study text on.
+"""Contact problems of the comparisons, on synthetic lines and on real bodies from the study text
+on.
 
 softening   ω/λ₁ from 0.1 to 100 against m from 10 to 1000: slip weakening to half its peak, half-Laplacian stiffness
 down-jumps  height of the down-jumps of b against their number on each side (ω is infinite)
@@ -9,8 +10,9 @@ heat        ω/λ₁ against α from 1e-12 to 1e12
 shape       aspect ratio of the body from 1 to 1000 against the flatness of the flattest triangles
 weak        ω/λ₁ against the load over the peak of b, up to 1e12: friction that is lost in the load
 
-Synthetic lines carry random sums of five waves whose largest traction is 1.2 to 2.5 times the peak of b. The body is a
-block clamped at its left end, heated inside, cooled at its right end, on a softening film, under random shear.
+Synthetic lines carry random sums of five waves whose largest traction is 1.2 to 2.5 times the peak
+of b. The body is a block clamped at its left end, heated inside, cooled at its right end, on a
+softening film, under random shear.
 """
 
 from __future__ import annotations
@@ -27,7 +29,13 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem, least_eigenvalue
 from tcstudy.laws.laws import Laws
-from tests.contact.contact_cases import half_laplacian, linear_law, rescaled, sawtooth, slip_weakening
+from tests.contact.contact_cases import (
+    half_laplacian,
+    linear_law,
+    rescaled,
+    sawtooth,
+    slip_weakening,
+)
 
 if TYPE_CHECKING:
     from tcstudy.fem.geometry import Geometry
@@ -98,8 +106,11 @@ class Case:
 
 
 def options(words: str | None, *numbers: str, **defaults: float) -> argparse.Namespace:
-    """What the command line asks for: options NAME with these defaults, and numbers NAME=DEFAULT in their order."""
-    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """What the command line asks for: options NAME with these defaults, and numbers NAME=DEFAULT in
+    their order."""
+    parser = argparse.ArgumentParser(
+        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     for name, default in (number.split("=") for number in numbers):
         parser.add_argument(name, nargs="?", type=int, default=int(default))
     for name, value in defaults.items():
@@ -120,7 +131,9 @@ def synthetic(grid: Grid) -> Iterator[Case]:
         A_tilde, c = half_laplacian(m)
         lambda_1 = least_eigenvalue(A_tilde, c)
         for ratio in grid.ratios:
-            yield from _line("softening", ratio, m, A_tilde, c, weakening(ratio, lambda_1), grid.loads)
+            yield from _line(
+                "softening", ratio, m, A_tilde, c, weakening(ratio, lambda_1), grid.loads
+            )
     A_tilde, c = half_laplacian(NODES)
     for name, shape in (("down-jumps", down_jumps), ("up-jumps", up_jumps)):
         for teeth in grid.teeth:
@@ -138,7 +151,9 @@ def real(grid: Grid) -> Iterator[Case]:
     for nu in grid.nu:
         for load, body in enumerate(_bodies(BLOCK, grid.loads, nu=nu)):
             for ratio in grid.ratios:
-                yield Case("poisson", ratio, 1.0 - 2.0 * nu, load, body.softened(ratio), body.heat_balance)
+                yield Case(
+                    "poisson", ratio, 1.0 - 2.0 * nu, load, body.softened(ratio), body.heat_balance
+                )
     for alpha in grid.alpha:
         for load, body in enumerate(_bodies(BLOCK, grid.loads, alpha=alpha)):
             for ratio in grid.ratios:
@@ -150,11 +165,16 @@ def real(grid: Grid) -> Iterator[Case]:
     for load, body in enumerate(_bodies(BLOCK, grid.loads)):
         for excess in grid.excess:
             for ratio in grid.ratios:
-                yield Case(WEAK, ratio, excess, load, body.softened(ratio, excess), body.heat_balance)
+                yield Case(
+                    WEAK, ratio, excess, load, body.softened(ratio, excess), body.heat_balance
+                )
 
 
-def families(sizes: tuple[int, ...] = (50, 200, 1000), loads: int = 6, body: bool = True) -> Iterator[list[Case]]:
-    """Problems of one law and size, small ones first: slip weakening (x = ω/λ₁, y = m), a saw-tooth, a rectangle."""
+def families(
+    sizes: tuple[int, ...] = (50, 200, 1000), loads: int = 6, body: bool = True
+) -> Iterator[list[Case]]:
+    """Problems of one law and size, small ones first: slip weakening (x = ω/λ₁, y = m), a
+    saw-tooth, a rectangle."""
     for m in sizes:
         A_tilde, c = half_laplacian(m)
         for ratio in (0.5, 2.0, 8.0):
@@ -164,7 +184,10 @@ def families(sizes: tuple[int, ...] = (50, 200, 1000), loads: int = 6, body: boo
             yield list(_line("saw-tooth", np.inf, m, A_tilde, c, sawtooth(), loads))
     if body:
         bodies = list(_bodies(RECTANGLE, loads))
-        yield [Case("body", 2.0, b.problem.m, load, b.softened(2.0, b.size)) for load, b in enumerate(bodies)]
+        yield [
+            Case("body", 2.0, b.problem.m, load, b.softened(2.0, b.size))
+            for load, b in enumerate(bodies)
+        ]
 
 
 def weakening(ratio: float, lambda_1: float, peak: float = 1.0) -> Laws:
@@ -173,19 +196,22 @@ def weakening(ratio: float, lambda_1: float, peak: float = 1.0) -> Laws:
 
 
 def down_jumps(height: float, teeth: int, reach: float = REACH) -> Laws:
-    """Odd: 1 on the first tooth, then b rises from 1 − height to 1 and falls down again at the end of every tooth."""
+    """Odd: 1 on the first tooth, then b rises from 1 − height to 1 and falls down again at the end
+    of every tooth."""
     high, low = np.ones(teeth), np.full(teeth, 1.0 - height)
     return _odd("down-jumps", np.arange(1, teeth + 1) * reach / teeth, high, low)
 
 
 def up_jumps(height: float, teeth: int, reach: float = REACH) -> Laws:
-    """Odd: on every tooth b falls from 1 to 1 − height, ω = height·teeth/reach, and jumps up to 1 at its end."""
+    """Odd: on every tooth b falls from 1 to 1 − height, ω = height·teeth/reach, and jumps up to 1
+    at its end."""
     high, low = np.ones(teeth), np.full(teeth, 1.0 - height)
     return _odd("up-jumps", np.arange(1, teeth + 1) * reach / teeth, low, high)
 
 
 def _odd(name: str, kinks: Array, left: Array, right: Array) -> Laws:
-    """The odd law with the stick interval [−1, 1] at 0 and these limits at the kinks s > 0, constant at the end."""
+    """The odd law with the stick interval [−1, 1] at 0 and these limits at the kinks s > 0,
+    constant at the end."""
     below, above = [*-right[::-1], -1.0, *left], [*-left[::-1], 1.0, *right]
     return linear_law(name, [*-kinks[::-1], 0.0, *kinks], below, above, (0.0, 0.0))
 
@@ -195,7 +221,9 @@ def _waves(rng: np.random.Generator) -> tuple[float, list[tuple[int, float, floa
     return rng.normal(), [(k, rng.normal() / k, rng.uniform(0, 2 * np.pi)) for k in range(1, 6)]
 
 
-def _line(name: str, x: float, y: float, A_tilde: Array, c: Array, law: Laws, loads: int) -> Iterator[Case]:
+def _line(
+    name: str, x: float, y: float, A_tilde: Array, c: Array, law: Laws, loads: int
+) -> Iterator[Case]:
     """A synthetic line under its random loads."""
     m = len(c)
     at = (np.arange(m) + 0.5) / m
@@ -217,16 +245,23 @@ class Body:
     size: float
 
     def softened(self, ratio: float, excess: float = 1.5) -> ContactProblem:
-        """The problem with slip weakening at ω = ratio·λ₁ and a peak of the 90 % load over `excess`."""
+        """The problem with slip weakening at ω = ratio·λ₁ and a peak of the 90 % load over
+        `excess`."""
         p = self.problem
         peak = float(np.quantile(np.abs(p.l_tilde / p.c), 0.9)) / excess
         return ContactProblem(p.A_tilde, p.l_tilde, p.c, weakening(ratio, self.lambda_1, peak))
 
 
 def _bodies(
-    text: str, loads: int, nu: float = 0.3, alpha: float = 1.0, aspect: float = 2.0, thinner: float | None = None
+    text: str,
+    loads: int,
+    nu: float = 0.3,
+    alpha: float = 1.0,
+    aspect: float = 2.0,
+    thinner: float | None = None,
 ) -> Iterator[Body]:
-    """A body under its random loads: one mesh and one factorisation. thinner: None for a mesh of the mesher."""
+    """A body under its random loads: one mesh and one factorisation. thinner: None for a mesh of
+    the mesher."""
     # NGSolve is loaded only if real bodies take part
     from tcstudy.fem.geometry import build
     from tcstudy.offline.level import Level
@@ -244,17 +279,24 @@ def _bodies(
         scene = study.scenes[0]
         if level is None:
             geometry = build(scene.body)
-            *_, mesh = mesh_family(geometry, study.mesh) if thinner is None else [layered(geometry, aspect, thinner)]
+            *_, mesh = (
+                mesh_family(geometry, study.mesh)
+                if thinner is None
+                else [layered(geometry, aspect, thinner)]
+            )
             level = Level(mesh, scene)
         balance = level.temperature(scene).heat_balance
-        yield Body(level.condensed(scene).problem, level.lambda_1(scene), balance, rng.uniform(1.2, 2.5))
+        yield Body(
+            level.condensed(scene).problem, level.lambda_1(scene), balance, rng.uniform(1.2, 2.5)
+        )
 
 
 def layered(geometry: Geometry, width: float, thinner: float) -> PlaneMesh:
     """A structured mesh of the block with a thin layer of obtuse triangles on the contact line.
 
-    Every second row is shifted by half a column, so that the layer's triangles have angles near 180°, the shape that
-    spoils constants of finite elements (flat right-angled triangles would not).
+    Every second row is shifted by half a column, so that the layer's triangles have angles near
+    180°, the shape that spoils constants of finite elements (flat right-angled triangles would
+    not).
     """
     import ngsolve.meshes
 

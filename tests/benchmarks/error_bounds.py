@@ -1,8 +1,9 @@
-"""Is the error of random scenes within its bound? `python -m tests.benchmarks.error_bounds [COUNT] [--first SEED]`.
+"""Is the error of random scenes within its bound? `python -m tests.benchmarks.error_bounds [COUNT]
+[--first SEED]`.
 
-Scenes of tests/verification/test_error_bound.py: bodies of 1 cm to 100 m as in test_guaranteed.py, all kinds of loads,
-laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice. Cost: CPU time of a bound over that of the
-P1 factorisation of the same mesh.
+Scenes of tests/verification/test_error_bound.py: bodies of 1 cm to 100 m as in test_guaranteed.py,
+all kinds of loads, laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice.
+Cost: CPU time of a bound over that of the P1 factorisation of the same mesh.
 """
 
 import time
@@ -34,8 +35,10 @@ def main() -> None:
     found, gentle = np.array(ratios), np.array(steep) <= 0.3
     print(f"{len(below)} of {len(found)} below the error {below} ({refused} drawn that cannot be)")
     spread = f"median {np.median(found):.2f}, 90 % below {np.quantile(found, 0.9):.2f}, most {found.max():.2f}"
-    print(f"bound/error: {spread}\n"
-          f"             median {np.median(found[gentle]):.2f} of the {gentle.sum()} with ω/λ₁ ≤ 0.3")  # fmt: skip
+    print(
+        f"bound/error: {spread}\n"
+        f"             median {np.median(found[gentle]):.2f} of the {gentle.sum()} with ω/λ₁ ≤ 0.3"
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Do 95 % intervals of fits hold the truth as often as they say? `python -m tests.benchmarks.fits --draws 200`
+"""Do 95 % intervals of fits hold the truth as often as they say? `python -m tests.benchmarks.fits
+--draws 200`
 
-Four tests with data from closed forms and noise drawn anew, fitted by two-dimensional models: a pull test through its
-snap-back (distances to the path), the same on its stable branch alone (results at each datum), a heated strip of which
-expansion and film are sought, and a block pulled to and fro on elastic-plastic bonds (steps of a history). Told are the
-share of intervals that hold the truth, the bias in standard errors, evaluations, and contact problems for a datum and
+Four tests with data from closed forms and noise drawn anew, fitted by two-dimensional models: a
+pull test through its snap-back (distances to the path), the same on its stable branch alone
+(results at each datum), a heated strip of which expansion and film are sought, and a block pulled
+to and fro on elastic-plastic bonds (steps of a history). Told are the share of intervals that hold
+the truth, the bias in standard errors, evaluations, and contact problems for a datum and
 evaluation.
 """
 
@@ -28,9 +30,10 @@ from tests.study.test_fit_cases import FOUND, PULLED, RIGID, returned
 Array = NDArray[np.float64]
 
 PEAK = np.sqrt(TAU * DELTA * D)
-"""Of the strip of configs/pull_test.yaml [N/m]. Here it is a quarter as high and four
-times as stiff: the first points, of a short slip zone, told 1 mm from the thin strip of the closed form, and biased
-fits of the stable branch by 0.15 standard errors whatever the mesh (0.4 with its elements of 2 mm)."""
+"""Of the strip of configs/pull_test.yaml [N/m]. Here it is a quarter as high and four times as
+stiff: the first points, of a short slip zone, told 1 mm from the thin strip of the closed form, and
+biased fits of the stable branch by 0.15 standard errors whatever the mesh (0.4 with its elements of
+2 mm)."""
 STRIP = """
 title: pull
 body:
@@ -79,8 +82,11 @@ class Case:
 
 
 def stable(n: int) -> Array:
-    """(n, 2) Δ and P of the closed form at given Δ on the branch that a machine reaches, two thirds on the rise."""
-    delta = np.concatenate([np.linspace(0.08, 1.0, 2 * n // 3) ** 1.5 * DELTA, np.linspace(1.1, 5.0, n // 3) * DELTA])
+    """(n, 2) Δ and P of the closed form at given Δ on the branch that a machine reaches, two thirds
+    on the rise."""
+    delta = np.concatenate(
+        [np.linspace(0.08, 1.0, 2 * n // 3) ** 1.5 * DELTA, np.linspace(1.1, 5.0, n // 3) * DELTA]
+    )
     rise = PEAK * np.sqrt(np.maximum(0.0, 1.0 - (1.0 - np.minimum(delta / DELTA, 1.0)) ** 2))
     return np.stack([delta, rise], axis=1)
 
@@ -96,10 +102,30 @@ def cases(size: float) -> list[Case]:
     strip = STRIP.replace("MAXH", f"{1.0 * size:g} mm")
     truth = (TAU, DELTA)
     return [
-        Case("through the fold", strip.replace("COMPARE", "orthogonal"), pulled(60), (5e-6, 2.2e3), truth),
-        Case("stable branch", strip.replace("COMPARE", "vertical"), stable(45), (0.0, 2.2e3), truth),
-        Case("heated strip", HEATED.replace("MAXH", f"{10.0 * size:g} mm"), heated(30), (0.0, 2e-6, 8e3), (3e6, 12e-6)),
-        Case("cyclic pull", RIGID, np.stack([np.arange(31.0), returned(PULLED)], axis=1), (0.0, 2e3), FOUND),
+        Case(
+            "through the fold",
+            strip.replace("COMPARE", "orthogonal"),
+            pulled(60),
+            (5e-6, 2.2e3),
+            truth,
+        ),
+        Case(
+            "stable branch", strip.replace("COMPARE", "vertical"), stable(45), (0.0, 2.2e3), truth
+        ),
+        Case(
+            "heated strip",
+            HEATED.replace("MAXH", f"{10.0 * size:g} mm"),
+            heated(30),
+            (0.0, 2e-6, 8e3),
+            (3e6, 12e-6),
+        ),
+        Case(
+            "cyclic pull",
+            RIGID,
+            np.stack([np.arange(31.0), returned(PULLED)], axis=1),
+            (0.0, 2e3),
+            FOUND,
+        ),
     ]
 
 
@@ -113,7 +139,10 @@ def plan_of(case: Case, folder: Path) -> tuple[FitPlan, Callable[[Array], FitPla
     assert plan is not None
 
     def with_data(data: Array) -> FitPlan:
-        columns = [replace(c, values=tuple(x)) for c, x in zip((*plan.given, *plan.measured), data.T, strict=True)]
+        columns = [
+            replace(c, values=tuple(x))
+            for c, x in zip((*plan.given, *plan.measured), data.T, strict=True)
+        ]
         n = len(plan.given)
         return replace(plan, given=tuple(columns[:n]), measured=tuple(columns[n:]))
 
@@ -130,7 +159,10 @@ def run(case: Case, draws: int, seed: int) -> None:
     held, apart, evaluations, worst = np.zeros(len(start)), [], [], 0.0
     clock = time.perf_counter()
     for _ in range(draws):
-        model.plan, model.solves = with_data(case.data + rng.normal(size=case.data.shape) * case.noise), 0
+        model.plan, model.solves = (
+            with_data(case.data + rng.normal(size=case.data.shape) * case.noise),
+            0,
+        )
         best = minimise(tests, start, box)
         said = uncertainty(best, box, tests.groups, plan.known_noise)
         held += (said["interval"][:, 0] <= case.truth) & (case.truth <= said["interval"][:, 1])
@@ -138,9 +170,15 @@ def run(case: Case, draws: int, seed: int) -> None:
         evaluations.append(best.evaluations)
         worst = max(worst, model.solves / best.evaluations)
     each = worst / (1.0 if plan.compare == "orthogonal" else len(case.data))
-    told = (("{:.1%}", held / draws), ("{:+.2f}", np.mean(apart, axis=0)), ("{:.2f}", np.std(apart, axis=0)))
+    told = (
+        ("{:.1%}", held / draws),
+        ("{:+.2f}", np.mean(apart, axis=0)),
+        ("{:.2f}", np.std(apart, axis=0)),
+    )
     held_by, bias, spread = (", ".join(form.format(x) for x in values) for form, values in told)
-    what = "paths an evaluation" if plan.compare == "orthogonal" else "solves a datum and evaluation"
+    what = (
+        "paths an evaluation" if plan.compare == "orthogonal" else "solves a datum and evaluation"
+    )
     print(
         f"{case.name}: {draws} draws, intervals hold {held_by}, bias {bias} standard errors, spread {spread}, "
         f"evaluations median {np.median(evaluations):g}, most {max(evaluations)}, {what} {each:.2f}, "
@@ -150,7 +188,9 @@ def run(case: Case, draws: int, seed: int) -> None:
 
 
 def main() -> None:
-    asked = options(__doc__, draws=200, seed=1, size=1.0, case=-1)  # size: of elements, over the usual one
+    asked = options(
+        __doc__, draws=200, seed=1, size=1.0, case=-1
+    )  # size: of elements, over the usual one
     with threadpool_limits(1, user_api="blas"):
         for number, case in enumerate(cases(asked.size)):
             if asked.case in (-1, number):

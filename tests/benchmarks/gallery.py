@@ -1,11 +1,12 @@
-"""The pictures of the gallery in configs/README.md, of the friction laws and of pages, by one command (about a minute).
+"""The pictures of the gallery in configs/README.md, of the friction laws and of pages, by one
+command (about a minute).
 
     python -m tests.benchmarks.gallery           # writes gallery-NAME.png into a scratch folder and says where
     python -m tests.benchmarks.gallery die laws  # only these
     python -m tests.benchmarks.gallery --keep    # into results/, over the pictures that the guides show
 
-Each is what `tcstudy draw` makes of the study's results. Open circles are a closed form (the head of the study has it).
-`pages` are parts of pages in Chromium.
+Each is what `tcstudy draw` makes of the study's results. Open circles are a closed form (the head
+of the study has it). `pages` are parts of pages in Chromium.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 COLOURS_KEPT = 128
-"""Colours of a picture's palette, which makes its file half as large and leaves colour bars smooth."""
+"""Colours of a picture's palette, which makes its file half as large and leaves colour bars
+smooth."""
 FIELDS = "output.fields=true"
 DRAWN: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "quickstart": ((FIELDS,), {"at": {"alpha": 200, "theta_bar": 10, "friction": "softening"}}),
@@ -64,7 +66,9 @@ FORMS: dict[str, tuple[Law, float, float, float]] = {
 """Law [m, Pa], stiffness [N/m], length [m] and strain of a bar whose slip is known."""
 
 
-def circles(figure: Figure, law: Law, stiffness: float, length: float, strain: float, largest: float) -> None:
+def circles(
+    figure: Figure, law: Law, stiffness: float, length: float, strain: float, largest: float
+) -> None:
     """The slip of the closed form on the panel of u_T, whose largest value is known."""
     (curve,) = [line for line in figure.axes[0].lines if len(np.asarray(line.get_xdata())) > 2]
     x, y = (np.asarray(values, dtype=float) for values in curve.get_data())
@@ -78,7 +82,13 @@ def laws() -> Figure:
     """A panel for each law, with ω."""
     names = list(SHAPES)
     rows = [[*names[k : k + 3], ".", "."][:3] for k in range(0, len(names), 3)]
-    sheet = Sheet(style.Look(), "Friction laws", ["b(s) = −S_T over the slip s = u_T"], rows, [1.4] * len(rows))
+    sheet = Sheet(
+        style.Look(),
+        "Friction laws",
+        ["b(s) = −S_T over the slip s = u_T"],
+        rows,
+        [1.4] * len(rows),
+    )
     for law in example_laws():
         reach, title = slip_range(law) or 1.0, f"{law.name}: ω = {number(law.omega, 3)}"
         panel = Panel(Scale(""), Scale(""), title)
@@ -97,7 +107,8 @@ PAGES: dict[str, tuple[str, str, str, str]] = {
     "history": ("cyclic_pull", "#step=3", "header", "#accuracy"),
     "fit": ("pull_fit", "#step=56", "header", "#found"),
 }
-"""Study, place in its page, first and last element of the picture; a part's own heading stands just before it."""
+"""Study, place in its page, first and last element of the picture; a part's own heading stands just
+before it."""
 FINER = (FIELDS, "output.live=true", "sweep.theta_bar={linspace: [0 K, 20 K, 11]}",
          "sweep.alpha={geomspace: [100 W/(m^2*K), 400 W/(m^2*K), 7]}", "mesh.levels=3")  # fmt: skip
 ENDS = """const first = document.querySelector(arguments[0]), last = document.querySelector(arguments[1]);
@@ -138,10 +149,17 @@ def make(name: str, scratch: Path, folder: Path) -> Path:
             style.save(laws(), target)
         else:
             options, wanted = DRAWN[name]
-            result = tcstudy.run(tcstudy.load(ROOT / "configs" / f"{name}.yaml", list(options)), scratch / f"{name}.nc")
+            result = tcstudy.run(
+                tcstudy.load(ROOT / "configs" / f"{name}.yaml", list(options)),
+                scratch / f"{name}.nc",
+            )
             figure = tcstudy.draw(result, **wanted)
             if name in FORMS:
-                circles(figure, *FORMS[name], float(read_picture(result.file, wanted["at"]).line.u_T.max()))
+                circles(
+                    figure,
+                    *FORMS[name],
+                    float(read_picture(result.file, wanted["at"]).line.u_T.max()),
+                )
             style.save(figure, target)
     return smaller(target)
 
@@ -149,15 +167,23 @@ def make(name: str, scratch: Path, folder: Path) -> Path:
 def main(words: list[str]) -> None:
     names = (*DRAWN, "laws", "pages")
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.gallery")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"pictures to draw (all): {', '.join(names)}")
-    parser.add_argument("--keep", action="store_true", help="draw into results/ and not into a scratch folder")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"pictures to draw (all): {', '.join(names)}"
+    )
+    parser.add_argument(
+        "--keep", action="store_true", help="draw into results/ and not into a scratch folder"
+    )
     asked = parser.parse_args(words)
     if unknown := set(asked.names) - set(names):
         parser.error(f"no picture {', '.join(sorted(unknown))}; there are {', '.join(names)}")
     folder = ROOT / "results" if asked.keep else Path(tempfile.mkdtemp(prefix="gallery-"))
     with tempfile.TemporaryDirectory() as scratch:
         for name in asked.names or names:
-            for target in pages(Path(scratch), folder) if name == "pages" else [make(name, Path(scratch), folder)]:
+            for target in (
+                pages(Path(scratch), folder)
+                if name == "pages"
+                else [make(name, Path(scratch), folder)]
+            ):
                 print(target)
 
 

@@ -1,8 +1,10 @@
-"""Random kills of workers and runs: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills, and 25.
+"""Random kills of workers and runs: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills,
+and 25.
 
-A run of many small blocks with two workers, and one of many geometries, is started again and again. At random times a
-worker or the run itself gets SIGKILL; a run that was killed is started again and goes on from what it kept. The file in
-the end is compared with that of a run in one process that nobody kills: every array to the bit, no point failed.
+A run of many small blocks with two workers, and one of many geometries, is started again and again.
+At random times a worker or the run itself gets SIGKILL; a run that was killed is started again and
+goes on from what it kept. The file in the end is compared with that of a run in one process that
+nobody kills: every array to the bit, no point failed.
 
 Writes results/kills.md.
 """
@@ -65,7 +67,8 @@ class Kills:
 
 
 def survive(folder: Path, kills: int, seed: int, points: int, text: str = STUDY) -> Kills:
-    """Kill so often, let the last run end, and compare; raises AssertionError if anything was lost or differs.
+    """Kill so often, let the last run end, and compare; raises AssertionError if anything was lost
+    or differs.
 
     points: of the sweep, or its geometries
     """
@@ -106,7 +109,8 @@ def _one_run(run: subprocess.Popen[str], kills: int, chance: random.Random, done
 def children(parent: int) -> list[int]:
     """Its worker processes, whichever thread started them."""
     found = [
-        Path(f"/proc/{parent}/task/{task}/children").read_text().split() for task in os.listdir(f"/proc/{parent}/task")
+        Path(f"/proc/{parent}/task/{task}/children").read_text().split()
+        for task in os.listdir(f"/proc/{parent}/task")
     ]
     return [int(pid) for pids in found for pid in pids]
 
@@ -118,7 +122,9 @@ def assert_same(one: Path, other: Path) -> None:
         for node in a.subtree:
             for name, values in node.data_vars.items():
                 if not str(name).startswith("time"):
-                    equal = np.array_equal(values.values, b[node.path][name].values, equal_nan=values.dtype.kind == "f")
+                    equal = np.array_equal(
+                        values.values, b[node.path][name].values, equal_nan=values.dtype.kind == "f"
+                    )
                     assert equal, f"{node.path}/{name} differs"
         assert np.all(a["status"].values == int(PointStatus.OK))
 
@@ -126,13 +132,18 @@ def assert_same(one: Path, other: Path) -> None:
 def main() -> None:
     kills, seed = (int(word) for word in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
     lines = ["Two workers, kills at random:"]
-    studies = (("points in blocks of two", STUDY, kills, 20), ("geometries of five points", GEOMETRIES, kills // 4, 8))
+    studies = (
+        ("points in blocks of two", STUDY, kills, 20),
+        ("geometries of five points", GEOMETRIES, kills // 4, 8),
+    )
     for words, study, times, each in studies:
         with tempfile.TemporaryDirectory() as folder:
             done = survive(Path(folder), times, seed, each * times, study)
         killed = f"{done.workers} workers and {done.runs} runs killed, {done.starts} starts"
         lines.append(f"- one study of {each * times} {words}: {killed}")
-    last = "Nothing lost: every number is that of a run in one process, to the bit; no point failed."
+    last = (
+        "Nothing lost: every number is that of a run in one process, to the bit; no point failed."
+    )
     publish("kills", [*lines, "", last], f" {kills} {seed}")
 
 

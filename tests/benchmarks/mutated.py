@@ -1,9 +1,11 @@
-"""Studies spoilt at random, all of which must be planned or refused: `python -m tests.benchmarks.mutated [N] [FIRST]`.
+"""Studies spoilt at random, all of which must be planned or refused: `python -m
+tests.benchmarks.mutated [N] [FIRST]`.
 
-N studies (3,000 unless given) are made from the shipped ones and from one that uses every kind of key: keys renamed,
-dropped, given twice, values replaced by other types, units, huge numbers, NaN, texts with control characters, sections
-moved, lines and characters of the text lost. A dry run is to exit with 0, or with 2 and one clear line for each
-fault: without a traceback, a warning or a control character. What does not is printed with its seed.
+N studies (3,000 unless given) are made from the shipped ones and from one that uses every kind of
+key: keys renamed, dropped, given twice, values replaced by other types, units, huge numbers, NaN,
+texts with control characters, sections moved, lines and characters of the text lost. A dry run is
+to exit with 0, or with 2 and one clear line for each fault: without a traceback, a warning or a
+control character. What does not is printed with its seed.
 """
 
 import faulthandler
@@ -97,16 +99,88 @@ TEXTS = (
     "{", "*a", "&a", "!!python/object:os.system", "../../x", "/", ".", "a" * 5000,
     "x+" * 3000 + "x", "(" * 400 + "x" + ")" * 400,
 )  # fmt: skip
-NUMBERS = (0, -1, 1, 2, 3.7, 1e-320, 1e-200, 1e-12, 1e12, 1e154, 1e200, 1e308, -1e308, 10**400, -(10**30), 0.5, -0.0)
+NUMBERS = (
+    0,
+    -1,
+    1,
+    2,
+    3.7,
+    1e-320,
+    1e-200,
+    1e-12,
+    1e12,
+    1e154,
+    1e200,
+    1e308,
+    -1e308,
+    10**400,
+    -(10**30),
+    0.5,
+    -0.0,
+)
 RAW = (".nan", ".inf", "-.inf", "null", "true", "off", "0x1f", "0b2", "1_000", "1e", "2020-01-01", "[]", "{}", "[[]]",
        "[[[]]]", "{a: {a: {}}}", "[1, [2, [3]]]", "{1: 2}", "? [a]", "!!int x", "!!binary aGk=", "<<", "|", "&a [*a]",
        "[" * 30 + "]" * 30, "[" * 3000 + "]" * 3000, "{linspace: [0, 1, 0]}", "{linspace: [0, 1, 1e9]}",
        "{geomspace: [-1, 1, 3]}", "{linspace: [1e308, -1e308, 3]}", "{law: tresca, tau: 1}",
        "[free, free]")  # fmt: skip
-KEYS = ("", " ", "x", "E", "nu", "law", "tau", "role", "u", "u_x", "g", "theta", "q", "omega", "sweep", "exact",
-        "loads", "path", "units", "edges", "file", "outline", "h", "mode", "points", "of", "goal", "a.b", "[0]",
-        "ü", "\x1b[1m", "\x00", "null", "true", "1", "<<", "a" * 3000, "\u202e", "a\nb")  # fmt: skip
-ODD = ("\t", "\x07", "\x1b[2J", "\ufeff", "\u202e", ":", "- ", "#", "{", "]", '"', "'", "%", "---\n", "\r")
+KEYS = (
+    "",
+    " ",
+    "x",
+    "E",
+    "nu",
+    "law",
+    "tau",
+    "role",
+    "u",
+    "u_x",
+    "g",
+    "theta",
+    "q",
+    "omega",
+    "sweep",
+    "exact",
+    "loads",
+    "path",
+    "units",
+    "edges",
+    "file",
+    "outline",
+    "h",
+    "mode",
+    "points",
+    "of",
+    "goal",
+    "a.b",
+    "[0]",
+    "ü",
+    "\x1b[1m",
+    "\x00",
+    "null",
+    "true",
+    "1",
+    "<<",
+    "a" * 3000,
+    "\u202e",
+    "a\nb",
+)
+ODD = (
+    "\t",
+    "\x07",
+    "\x1b[2J",
+    "\ufeff",
+    "\u202e",
+    ":",
+    "- ",
+    "#",
+    "{",
+    "]",
+    '"',
+    "'",
+    "%",
+    "---\n",
+    "\r",
+)
 """What is put into a text."""
 RAW_MARK = "\ue000"
 """On both sides of what is written as it is."""
@@ -114,13 +188,17 @@ RAW_MARK = "\ue000"
 
 def yaml_of(tree: dict[str, Any]) -> str:
     """YAML text of a tree, in flow style; every section on a line of its own."""
-    text = "\n".join(f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}" for key, value in tree.items())
+    text = "\n".join(
+        f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}" for key, value in tree.items()
+    )
     return re.sub(f'"{RAW_MARK}(.*?){RAW_MARK}"', lambda found: found[1], text) + "\n"
 
 
 def places(tree: Any) -> list[tuple[Any, Any]]:
     """(holder, key or index) of every value in a tree."""
-    keys = list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ()
+    keys = (
+        list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ()
+    )
     return [place for key in keys for place in ((tree, key), *places(tree[key]))]
 
 
@@ -139,7 +217,9 @@ def spoil(rng: random.Random, tree: dict[str, Any]) -> None:
         case 0 | 1 | 2 | 3:
             holder[key] = hostile(rng)
         case 4:
-            some[rng.choice(KEYS) if rng.random() < 0.5 else name[:-1] + rng.choice("aexy_")] = some.pop(name, 1)
+            some[rng.choice(KEYS) if rng.random() < 0.5 else name[:-1] + rng.choice("aexy_")] = (
+                some.pop(name, 1)
+            )
         case 5:
             some.pop(name, None)
         case 6:  # moved to another place
@@ -165,7 +245,9 @@ def garble(rng: random.Random, text: str) -> str:
         case 4:
             return "\n".join([*lines[:i], *lines[i + 1 :]])
         case _:
-            return "\n".join([*lines[:i], " " * rng.randrange(5) + lines[i].lstrip(), *lines[i + 1 :]])
+            return "\n".join(
+                [*lines[:i], " " * rng.randrange(5) + lines[i].lstrip(), *lines[i + 1 :]]
+            )
 
 
 def mutated(seed: int, texts: Sequence[str]) -> str:
@@ -181,9 +263,15 @@ def mutated(seed: int, texts: Sequence[str]) -> str:
 
 
 def sources() -> list[str]:
-    """The studies that are spoilt; one draws fewer points than it ships with, each of which takes its time to read."""
+    """The studies that are spoilt; one draws fewer points than it ships with, each of which takes
+    its time to read."""
     shipped = [path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml"))]
-    return [EVERY_KEY, FROM_A_FILE, DERIVED, *(text.replace("points: 64 ", "points: 4 ") for text in shipped)]
+    return [
+        EVERY_KEY,
+        FROM_A_FILE,
+        DERIVED,
+        *(text.replace("points: 64 ", "points: 4 ") for text in shipped),
+    ]
 
 
 def complaint(text: str, folder: Path) -> tuple[int, str]:
@@ -194,11 +282,17 @@ def complaint(text: str, folder: Path) -> tuple[int, str]:
     if code not in (0, 2):
         return -1, said if code == CRASHED else f"exit code {code}"
     lines = said.rstrip("\n").split("\n")
-    if code == 2 and (not said.strip() or not all(line.startswith(str(file)) and "; " in line for line in lines)):
+    if code == 2 and (
+        not said.strip() or not all(line.startswith(str(file)) and "; " in line for line in lines)
+    ):
         return 2, f"no clear line: {said!r}"
     if any(len(line) > LONGEST_LINE for line in lines):
         return 2, f"a line of {max(map(len, lines))} characters"
-    raw = [c for c in shown + said if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
+    raw = [
+        c
+        for c in shown + said
+        if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")
+    ]
     return code, f"raw control characters {raw}: {said!r}" if raw else ""
 
 

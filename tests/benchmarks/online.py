@@ -3,7 +3,8 @@
 Body:    the quickstart's at several mesh sizes, m = 11 to 352 contact nodes
 Sweeps:  1,000 points each: softening with 10 δ, and the quickstart's four laws
 Figures: CPU time of one thread, least of two, for the whole (loads, solve, certificates, journal, netCDF), once a
-         level is assembled and its body condensed, and for solve and certificates alone, as workers do them
+         level is assembled and its body condensed, and for solve and certificates alone, as workers
+         do them
 """
 
 import os
@@ -36,7 +37,10 @@ def studies() -> dict[str, Study]:
     """The sweeps as studies of the quickstart's body."""
     mesh = ["mesh.maxh=18.5 mm", f"mesh.levels={max(LEVELS) + 1}"]
     softening = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa}"
-    alphas, deltas = "alpha: {linspace: [100, 400, 10]}", "friction.delta: {linspace: [20 um, 60 um, 10]}"
+    alphas, deltas = (
+        "alpha: {linspace: [100, 400, 10]}",
+        "friction.delta: {linspace: [20 um, 60 um, 10]}",
+    )
     grid = f"sweep={{{alphas}, theta_bar: {{linspace: [0, 20, 10]}}, {deltas}}}"
     four = ("sweep.alpha={linspace: [100, 400, 10]}", "sweep.theta_bar={linspace: [0, 20, 25]}")
     changes = {"softening": (softening, grid), "four laws": four}
@@ -44,7 +48,8 @@ def studies() -> dict[str, Study]:
 
 
 def measure(study: Study, level: int) -> tuple[int, float, float, float]:
-    """(m, CPU ms a point to the file, of solve and certificates, and of one Cholesky factorisation of Ã)."""
+    """(m, CPU ms a point to the file, of solve and certificates, and of one Cholesky factorisation
+    of Ã)."""
     whole = solve = factor = np.inf
     for _ in range(RUNS):
         stage = next(islice(stages(study), level, None))
@@ -52,7 +57,10 @@ def measure(study: Study, level: int) -> tuple[int, float, float, float]:
         assert stage.record is not None
         stage.level.condensed(study.scenes[0])
         since = time.process_time()
-        with TemporaryDirectory() as folder, Journal.open(Path(folder) / "whole.nc", study) as journal:
+        with (
+            TemporaryDirectory() as folder,
+            Journal.open(Path(folder) / "whole.nc", study) as journal,
+        ):
             for record in (stage.record, *stage.blocks):
                 journal.add(record)
             words = collect(study, ("tcstudy",))
@@ -76,7 +84,12 @@ def lines() -> Iterator[str]:
     found = {name: [measure(study, level) for level in LEVELS] for name, study in studies().items()}
 
     def table(rows: list[list[str]]) -> Iterator[str]:
-        yield from ("", head, "|---" * (len(LEVELS) + 1) + "|", *("| " + " | ".join(row) + " |" for row in rows))
+        yield from (
+            "",
+            head,
+            "|---" * (len(LEVELS) + 1) + "|",
+            *("| " + " | ".join(row) + " |" for row in rows),
+        )
 
     head = "| sweep | " + " | ".join(f"m = {m}" for m, *_ in found["softening"]) + " |"
     load = f"load {os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"
@@ -84,8 +97,13 @@ def lines() -> Iterator[str]:
     yield "1,000 points at once, solve and certificates. potrf: one Cholesky factorisation of Ã."
     solves = [[name, *(f"{solve:.2f}" for _, _, solve, _ in own)] for name, own in found.items()]
     yield from table([*solves, ["potrf", *(f"{factor:.3f}" for *_, factor in found["softening"])]])
-    yield from ("", "From the condensed body to the finished file (loads, solve, certificates, journal, netCDF):")
-    yield from table([[name, *(f"{whole:.2f}" for _, whole, _, _ in own)] for name, own in found.items()])
+    yield from (
+        "",
+        "From the condensed body to the finished file (loads, solve, certificates, journal, netCDF):",
+    )
+    yield from table(
+        [[name, *(f"{whole:.2f}" for _, whole, _, _ in own)] for name, own in found.items()]
+    )
 
 
 def main() -> None:

@@ -1,10 +1,15 @@
-"""Bundle-Newton and its peers on the same contact problems: `python -m tests.benchmarks.peers` writes results/peers.md.
+"""Bundle-Newton and its peers on the same contact problems: `python -m tests.benchmarks.peers`
+writes results/peers.md.
 
-Methods: ours run as tcstudy.contact.solve runs them. Those of scipy get L̃ in units of c·(peak of b), one subgradient
-         (right limits of b), second derivatives where they take them, and tolerances of 1e-10 or better without a
-         limit of iterations. Each is stopped after LIMIT seconds and judged by the best point that it has seen
+Methods: ours run as tcstudy.contact.solve runs them. Those of scipy get L̃ in units of c·(peak of
+b), one subgradient
+         (right limits of b), second derivatives where they take them, and tolerances of 1e-10 or
+         better without a
+         limit of iterations. Each is stopped after LIMIT seconds and judged by the best point that
+         it has seen
 Starts:  zero and, where the answer misses the tolerance, the frictionless solution too; the better answer counts
-         (a solution, else the lower energy), the time is that of both. (At zero every node sits on the kink, and a
+         (a solution, else the lower energy), the time is that of both. (At zero every node sits on
+         the kink, and a
          method that sees one subgradient may stop where it starts.)
 Time:    CPU time of one thread; for fast solves the least of five runs, all methods taking turns
 Judge:   inclusion residual with nodes within 1e-6 of the kink spacing counted as on the kink
@@ -36,14 +41,17 @@ from tests.benchmarks.semismooth import semismooth_newton
 Array = NDArray[np.float64]
 
 TOLERANCE, SNAP = 1e-10, 1e-6
-"""Largest inclusion residual of a solution; distance that counts as on a kink, over the kink spacing."""
+"""Largest inclusion residual of a solution; distance that counts as on a kink, over the kink
+spacing."""
 LIMIT, BUDGET, FAST, REPEATS = 15.0, 8.0, 0.1, 5
-"""Seconds for one solve, for a method in one family, and when and how often to repeat a fast solve."""
+"""Seconds for one solve, for a method in one family, and when and how often to repeat a fast
+solve."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One run from one start: the point, whether the method reports success, whether the deadline stopped it."""
+    """One run from one start: the point, whether the method reports success, whether the deadline
+    stopped it."""
 
     v: Array
     claims: bool
@@ -60,7 +68,8 @@ class OutOfTimeError(Exception):
 
 @dataclass(frozen=True)
 class Watched(ContactProblem):
-    """A contact problem with a deadline; best[-1] is the point of lowest energy that a method asked for."""
+    """A contact problem with a deadline; best[-1] is the point of lowest energy that a method asked
+    for."""
 
     deadline: float = np.inf
     best: list[tuple[float, Array]] = field(default_factory=list)
@@ -80,7 +89,14 @@ class Watched(ContactProblem):
 
 
 def watched(problem: ContactProblem, x0: Array, deadline: float) -> Watched:
-    return Watched(problem.A_tilde, problem.l_tilde, problem.c, problem.law, deadline=deadline, best=[(np.inf, x0)])
+    return Watched(
+        problem.A_tilde,
+        problem.l_tilde,
+        problem.c,
+        problem.law,
+        deadline=deadline,
+        best=[(np.inf, x0)],
+    )
 
 
 def separable(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
@@ -90,17 +106,21 @@ def separable(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
 
 
 def default(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
-    """The default as a study calls it, with all its own starts and the search for less energy; nor is it stopped."""
+    """The default as a study calls it, with all its own starts and the search for less energy; nor
+    is it stopped."""
     answer = solve_contact(problem)
     return Attempt(answer.v, answer.status == Status.CONVERGED)
 
 
 def bundle(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
-    """Bundle-Newton with one bundle for L̃, finished on the exact active pieces if the tolerance is missed."""
+    """Bundle-Newton with one bundle for L̃, finished on the exact active pieces if the tolerance is
+    missed."""
     watch = watched(problem, x0, deadline)
     try:
         v = solve_with_bundle(watch, x0).x
-    except OutOfTimeError:  # not finished: that would credit the method with what it has not reached
+    except (
+        OutOfTimeError
+    ):  # not finished: that would credit the method with what it has not reached
         return watch.late
     if problem.inclusion_residual(v) > TOLERANCE:
         v = polished(problem, v, exact=False).v
@@ -132,12 +152,19 @@ def scipy_method(name: str, options: Mapping[str, float], order: int) -> Run:
         derivatives = ({"jac": True} if order else {}) | ({"hess": hessian} if order > 1 else {})
         function = value_and_gradient if order else value
         try:
-            with warnings.catch_warnings():  # what they warn of is in the success flag and in the residual
+            with (
+                warnings.catch_warnings()
+            ):  # what they warn of is in the success flag and in the residual
                 warnings.simplefilter("ignore")
-                found = scipy.optimize.minimize(function, x0, method=name, options=dict(options), **derivatives)
+                found = scipy.optimize.minimize(
+                    function, x0, method=name, options=dict(options), **derivatives
+                )
         except OutOfTimeError:
             return watch.late
-        except (ValueError, np.linalg.LinAlgError):  # trust-exact breaks down on some nonsmooth steps
+        except (
+            ValueError,
+            np.linalg.LinAlgError,
+        ):  # trust-exact breaks down on some nonsmooth steps
             return replace(watch.late, out_of_time=False)
         return Attempt(np.asarray(found.x, dtype=float), bool(found.success))
 
@@ -151,16 +178,21 @@ PEERS: dict[str, Run] = {
     "default": default,
     "semismooth Newton": semismooth,
     "BFGS": scipy_method("BFGS", {"gtol": TOLERANCE, "maxiter": ENDLESS}, 1),
-    "L-BFGS-B": scipy_method("L-BFGS-B", {"gtol": TOLERANCE, "ftol": 0.0, "maxiter": ENDLESS, "maxfun": ENDLESS}, 1),
+    "L-BFGS-B": scipy_method(
+        "L-BFGS-B", {"gtol": TOLERANCE, "ftol": 0.0, "maxiter": ENDLESS, "maxfun": ENDLESS}, 1
+    ),
     "trust-exact": scipy_method("trust-exact", {"gtol": TOLERANCE, "maxiter": ENDLESS}, 2),
-    "Powell": scipy_method("Powell", {"xtol": 1e-12, "ftol": 1e-15, "maxiter": ENDLESS, "maxfev": ENDLESS}, 0),
+    "Powell": scipy_method(
+        "Powell", {"xtol": 1e-12, "ftol": 1e-15, "maxiter": ENDLESS, "maxfev": ENDLESS}, 0
+    ),
 }
 """All methods; the first three are ours."""
 
 
 @dataclass(frozen=True)
 class Solve:
-    """One method on one problem, judged; late: stopped at the deadline; lowest: nothing found less energy."""
+    """One method on one problem, judged; late: stopped at the deadline; lowest: nothing found less
+    energy."""
 
     group: str
     method: str
@@ -212,7 +244,9 @@ def measure(groups: Iterable[list[Case]], repeats: int = REPEATS) -> Iterator[So
             for name, (answer, seconds) in found.items():
                 lowest = energies[name] - least <= 1e-9 * abs(least)
                 solved = _residual(problem, answer.v) <= TOLERANCE
-                yield Solve(case.map, name, seconds, answer.claims, answer.out_of_time, solved, lowest)
+                yield Solve(
+                    case.map, name, seconds, answer.claims, answer.out_of_time, solved, lowest
+                )
 
 
 def markdown(found: list[Solve], problems: int) -> Iterator[str]:
@@ -253,9 +287,14 @@ def machine() -> str:
     """What of the machine and of packages decides the times; no names."""
     blas = [pool for pool in threadpool_info() if pool["user_api"] == "blas"]
     libraries = sorted({f"{pool['internal_api']} {pool['version']}" for pool in blas})
-    versions = {"python": platform.python_version(), **package_versions(("numpy", "scipy", "ngsolve", "tcstudy"))}
+    versions = {
+        "python": platform.python_version(),
+        **package_versions(("numpy", "scipy", "ngsolve", "tcstudy")),
+    }
     words = ", ".join(f"{name} {version}" for name, version in versions.items())
-    return f"{platform.machine()}, {os.cpu_count()} CPUs, {', '.join(libraries)}, one thread; {words}"
+    return (
+        f"{platform.machine()}, {os.cpu_count()} CPUs, {', '.join(libraries)}, one thread; {words}"
+    )
 
 
 def main() -> None:

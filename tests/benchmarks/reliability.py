@@ -1,11 +1,14 @@
-"""How far the default solver and its certificates can be trusted: `python -m tests.benchmarks.reliability [N]`.
+"""How far the default solver and its certificates can be trusted: `python -m
+tests.benchmarks.reliability [N]`.
 
-N random problems (10,000 unless given; laws with up to 41 kinks, jumps both ways, softening up to 100 λ₁; m = 20, 60,
-200; three kinds of start), every tenth again in five other systems of units, judged in extended precision by code
-that the package does not share; then every solution of 2,600 small problems by enumeration against its certificates,
-and the least energy of 822 small problems against what a study finds with branch `lowest`, with and without the search
-after the plain starts; and the same of 5,000 small problems with any law (odd or not, opposing the slip or pushing it
-on) and any body, with the certificates of what was found. `--any N` makes only the last, with N problems.
+N random problems (10,000 unless given; laws with up to 41 kinks, jumps both ways, softening up to
+100 λ₁; m = 20, 60, 200; three kinds of start), every tenth again in five other systems of units,
+judged in extended precision by code that the package does not share; then every solution of 2,600
+small problems by enumeration against its certificates, and the least energy of 822 small problems
+against what a study finds with branch `lowest`, with and without the search after the plain starts;
+and the same of 5,000 small problems with any law (odd or not, opposing the slip or pushing it on)
+and any body, with the certificates of what was found. `--any N` makes only the last, with N
+problems.
 """
 
 import sys
@@ -23,8 +26,16 @@ TOLERANCE = 1e-12
 UNITS = ((1e9, 1.0, 1.0), (1e-9, 1.0, 1.0), (1.0, 1e9, 1.0), (1.0, 1e-9, 1.0), (1e-9, 1e9, 1e9))
 SMALL = ((1, 9, 1500), (2, 5, 800), (3, 3, 300))
 """(m, most kinks, problems) of the comparison with enumeration."""
-SEARCHED = ((2, range(200)), (3, range(200)), (4, range(200)), (5, range(150)), (6, range(60)), (8, range(1, 49, 4)))
-"""(m, seeds) of the problems whose least energy is enumerated; with m = 8 only those with few places a node."""
+SEARCHED = (
+    (2, range(200)),
+    (3, range(200)),
+    (4, range(200)),
+    (5, range(150)),
+    (6, range(60)),
+    (8, range(1, 49, 4)),
+)
+"""(m, seeds) of the problems whose least energy is enumerated; with m = 8 only those with few
+places a node."""
 
 ANY = 5_000
 """Problems with any law."""
@@ -63,7 +74,9 @@ def certificate_lines() -> list[str]:
             for c in found
         )
         rates = ", ".join(f"{name} {rate:.2f}" for name, rate in hit_rates(found).items())
-        lines.append(f"m = {m}: {len(found)} solutions, {contradicted} certificates contradicted; hit rates {rates}")
+        lines.append(
+            f"m = {m}: {len(found)} solutions, {contradicted} certificates contradicted; hit rates {rates}"
+        )
     return lines
 
 
@@ -85,9 +98,12 @@ def search_line(m: int, seeds: Sequence[int]) -> str:
 
 
 def any_line(problems: int) -> str:
-    """How often the least energy of all was found whatever the law, and what certificates were wrong."""
+    """How often the least energy of all was found whatever the law, and what certificates were
+    wrong."""
     results = [search(seed, 1 + seed % 8) for seed in range(problems)]
-    found, plain, solved = (sum(getattr(r, name) for r in results) for name in ("found", "plain", "solved"))
+    found, plain, solved = (
+        sum(getattr(r, name) for r in results) for name in ("found", "plain", "solved")
+    )
     contradicted = sum(len(r.contradicted) for r in results)
     return (
         f"any law, m = 1 to 8: of {problems} problems {solved} solved, the least energy found in {found}, "
@@ -102,7 +118,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     problems = int(words[0]) if words else 10_000
     counts = solver_counts(problems)
-    print(f"{problems} problems: " + ", ".join(f"{name} {count}" for name, count in sorted(counts.items())), flush=True)
+    print(
+        f"{problems} problems: "
+        + ", ".join(f"{name} {count}" for name, count in sorted(counts.items())),
+        flush=True,
+    )
     print("\n".join(certificate_lines()), flush=True)
     for m, seeds in SEARCHED:
         print(search_line(m, seeds), flush=True)

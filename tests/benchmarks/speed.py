@@ -1,7 +1,9 @@
-"""Speed of a point and of a sweep: `python -m tests.benchmarks.speed` writes results/speed.md in ten minutes.
+"""Speed of a point and of a sweep: `python -m tests.benchmarks.speed` writes results/speed.md in
+ten minutes.
 
-Times are process CPU times (the machine is shared), one thread, no TaskManager. What is compared runs in turn on the
-same matrix: ours gives factor, Ã and condition estimate, the others a factor alone.
+Times are process CPU times (the machine is shared), one thread, no TaskManager. What is compared
+runs in turn on the same matrix: ours gives factor, Ã and condition estimate, the others a factor
+alone.
 """
 
 import gc
@@ -39,7 +41,16 @@ LEVELS = {3: 9, 4: 9, 5: 5, 6: 3, 7: 3}
 """Levels, from 3.8e3 to 9.9e5 displacement unknowns, and runs of each."""
 ASYMPTOTIC = 1e4
 """Unknowns from which exponents are fitted."""
-STAGES = ("mesh", "assembly", "elastic factor, Ã", "heat factor, S_K", "loads, l̃", "λ₁", "contact solve", "certificate")
+STAGES = (
+    "mesh",
+    "assembly",
+    "elastic factor, Ã",
+    "heat factor, S_K",
+    "loads, l̃",
+    "λ₁",
+    "contact solve",
+    "certificate",
+)
 FACTORS = ("tcstudy, with Ã", "NGSolve sparsecholesky", "NGSolve umfpack", "scipy splu")
 LARGEST = {"NGSolve umfpack": 3e5, "scipy splu": 1e5}
 """Unknowns beyond which a factorisation is not run: minutes, and gigabytes."""
@@ -50,7 +61,9 @@ SWEPT, RUNS, SOLVED = (5, "10.5 mm"), 5, 40
 
 def study_of(levels: int, maxh: str = "13.6 mm", sweep: str = "{}") -> Study:
     """The quickstart body with so many levels."""
-    return tcstudy.load(QUICKSTART, [f"mesh.maxh={maxh}", f"mesh.levels={levels}", f"sweep={sweep}"])
+    return tcstudy.load(
+        QUICKSTART, [f"mesh.maxh={maxh}", f"mesh.levels={levels}", f"sweep={sweep}"]
+    )
 
 
 def finest(study: Study) -> PlaneMesh:
@@ -71,7 +84,8 @@ class Clock:
 
 
 def stages_and_factors() -> Iterator[str]:
-    """Two tables: CPU times of the stages of a cold point, and of factorisations of its stiffness matrix, against N."""
+    """Two tables: CPU times of the stages of a cold point, and of factorisations of its stiffness
+    matrix, against N."""
     sizes, stages, factors = [], [], []
     for levels, runs in LEVELS.items():
         study = study_of(levels)
@@ -91,7 +105,10 @@ def stages_and_factors() -> Iterator[str]:
         sizes.append(size)
         stages.append(np.array([one for one, _ in found]))
         factors.append(np.array([one for _, one in found]))
-        print(f"{size[0]} unknowns: {np.median(stages[-1], axis=0).sum():.2f} s a cold point", flush=True)
+        print(
+            f"{size[0]} unknowns: {np.median(stages[-1], axis=0).sum():.2f} s a cold point",
+            flush=True,
+        )
     yield from (*_table("stage", STAGES, stages, sizes), "")
     yield from (*_table("factor of the stiffness matrix", FACTORS, factors, sizes), "")
     yield "p: time ~ Nᵖ, fitted from N = 10⁴ on; m ~ √N on these meshes, so that in m the exponent is 2p."
@@ -143,7 +160,8 @@ def _factors(mesh: PlaneMesh, scene: Scene, n_dof: int) -> Iterator[float]:
 
 
 def _ngsolve_matrix(mesh: PlaneMesh, scene: Scene, fixed: np.ndarray) -> tuple[Any, Any]:
-    """The same matrix as NGSolve would hold it: its own form, with the film along x held in y (no turned nodes)."""
+    """The same matrix as NGSolve would hold it: its own form, with the film along x held in y (no
+    turned nodes)."""
     space = ngs.VectorH1(mesh.mesh, order=1)
     (u, v), free = space.TnT(), ngs.BitArray(space.ndof)
     strain = ngs.InnerProduct(ngs.Sym(ngs.Grad(u)), ngs.Sym(ngs.Grad(v)))
@@ -154,15 +172,23 @@ def _ngsolve_matrix(mesh: PlaneMesh, scene: Scene, fixed: np.ndarray) -> tuple[A
     return ngs.BilinearForm(energy * ngs.dx, symmetric=True).Assemble(), free
 
 
-def _table(name: str, rows: tuple[str, ...], times: list[Array], sizes: list[tuple[int, int]]) -> Iterator[str]:
+def _table(
+    name: str, rows: tuple[str, ...], times: list[Array], sizes: list[tuple[int, int]]
+) -> Iterator[str]:
     """Times (runs, rows) of each size as Markdown, with the exponents of the medians."""
     yield f"| {name} | " + " | ".join(f"N = {n:,}, m = {m}" for n, m in sizes) + " | p |"
     yield "|---" * (len(sizes) + 2) + "|"
     for i, label in enumerate(rows):
-        low, middle, high = np.transpose([np.quantile(own[:, i], (0.25, 0.5, 0.75)) for own in times])
+        low, middle, high = np.transpose(
+            [np.quantile(own[:, i], (0.25, 0.5, 0.75)) for own in times]
+        )
         n = np.array([size[0] for size in sizes])
         use = (n >= ASYMPTOTIC) & np.isfinite(middle) & (middle > 0.0)
-        p = f"{np.polyfit(np.log(n[use]), np.log(middle[use]), 1)[0]:.2f}" if np.count_nonzero(use) > 1 else "–"
+        p = (
+            f"{np.polyfit(np.log(n[use]), np.log(middle[use]), 1)[0]:.2f}"
+            if np.count_nonzero(use) > 1
+            else "–"
+        )
         yield f"| {label} | " + " | ".join(map(_cell, low, middle, high)) + f" | {p} |"
 
 
@@ -173,12 +199,16 @@ def _cell(low: float, middle: float, high: float) -> str:
 def sweep_text(alphas: int, surroundings: int, laws: int) -> str:
     law = "{{law: slip-weakening, tau_s: {} MPa, tau_k: 10 MPa, delta: 40 um}}"
     named = ", ".join(f"l{i}: {law.format(30 + 2 * i)}" for i in range(laws))
-    alpha, theta_bar = np.geomspace(1.0, 1e4, alphas).tolist(), np.linspace(20.0, -20.0, surroundings).tolist()
+    alpha, theta_bar = (
+        np.geomspace(1.0, 1e4, alphas).tolist(),
+        np.linspace(20.0, -20.0, surroundings).tolist(),
+    )
     return f"{{alpha: {alpha}, theta_bar: {theta_bar}, friction: {{{named}}}}}"
 
 
 def sweeps() -> Iterator[str]:
-    """What it costs to condense a whole sweep, mesh excluded, and to solve a point on average, in cold points."""
+    """What it costs to condense a whole sweep, mesh excluded, and to solve a point on average, in
+    cold points."""
     levels, maxh = SWEPT
     mesh, clock = finest(study_of(levels, maxh)), Clock()
 
@@ -216,7 +246,9 @@ def sweeps() -> Iterator[str]:
 def main() -> None:
     with threadpool_limits(1, user_api="blas"):
         swept, tables = list(sweeps()), list(stages_and_factors())
-    head = "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work."
+    head = (
+        "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work."
+    )
     publish("speed", [head, f"Measured with {machine()}.", "", *tables, "", *swept])
 
 

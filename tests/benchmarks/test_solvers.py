@@ -1,4 +1,5 @@
-"""The default never fails silently, solvers are judged rightly, kills lose nothing, spoilt studies get clear lines."""
+"""The default never fails silently, solvers are judged rightly, kills lose nothing, spoilt studies
+get clear lines."""
 
 from importlib import import_module
 from pathlib import Path
@@ -9,7 +10,17 @@ import pytest
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import solve_contact
 from tests.benchmarks import gallery
-from tests.benchmarks.cases import SHAPE, WEAK, Case, Grid, down_jumps, families, real, synthetic, up_jumps
+from tests.benchmarks.cases import (
+    SHAPE,
+    WEAK,
+    Case,
+    Grid,
+    down_jumps,
+    families,
+    real,
+    synthetic,
+    up_jumps,
+)
 from tests.benchmarks.kills import survive
 from tests.benchmarks.mutated import sources, survey
 from tests.benchmarks.peers import PEERS, TOLERANCE, Solve, markdown, measure
@@ -22,11 +33,13 @@ SMALL = Grid(
     (1.0, 30.0, 1000.0), (1.0, 1e3, 1e6), (1.0, 1e6, 1e12), 1,
 )  # fmt: skip
 EDGE = Grid((*EDGES, 0.562), nu=(), alpha=(), aspects=(), thinner=(), excess=(1e4, 1e5), loads=1)
-"""Where rounding of ξ = l̃ − Ãv is of the size of the tolerance, the package judges in extended precision, too."""
+"""Where rounding of ξ = l̃ − Ãv is of the size of the tolerance, the package judges in extended
+precision, too."""
 
 
 def test_the_default_never_fails_silently() -> None:
-    """Every answer is a solution in extended precision, or is a failure with a status and a reason."""
+    """Every answer is a solution in extended precision, or is a failure with a status and a
+    reason."""
     seen, flagged, largest = set(), set(), 0.0
     for case in (*synthetic(SMALL), *real(SMALL), *real(EDGE)):
         answer = solve_contact(case.problem)
@@ -36,14 +49,19 @@ def test_the_default_never_fails_silently() -> None:
         if case.map == WEAK and case.y in EDGE.excess:
             largest = max(largest, residual)
         if answer.status == Status.CONVERGED:
-            assert residual <= (max(TOLERANCE, answer.rounding) if answer.limited else TOLERANCE), where
+            assert residual <= (max(TOLERANCE, answer.rounding) if answer.limited else TOLERANCE), (
+                where
+            )
         else:
             assert answer.reason, where
             assert answer.inclusion_residual > TOLERANCE, where
             flagged.add(case.map)
         assert not case.heat_balance > 1e-12 or case.map == SHAPE, where
     assert len(seen) == 8
-    assert flagged <= {SHAPE, WEAK}  # cancellation: thin layers, slender bodies, friction lost in the load
+    assert flagged <= {
+        SHAPE,
+        WEAK,
+    }  # cancellation: thin layers, slender bodies, friction lost in the load
     assert largest > 0.1 * TOLERANCE
 
 
@@ -64,7 +82,8 @@ def found() -> list[Solve]:
 
 
 def test_every_method_is_run_and_judged(found: list[Solve]) -> None:
-    """Powell stops with success=True on every problem; none is a solution, and the table says so."""
+    """Powell stops with success=True on every problem; none is a solution, and the table says
+    so."""
     ours = [one for one in found if one.method in ("separable-newton", "bundle-newton", "default")]
     assert len(found) == 4 * len(PEERS)
     assert all(one.solved and one.claims for one in ours)
@@ -76,7 +95,8 @@ def test_every_method_is_run_and_judged(found: list[Solve]) -> None:
 
 
 def test_semismooth_newton_ends_exactly_or_says_that_it_cycles() -> None:
-    """Judged by a residual that shares no code with the package; some of these cycle, most do not."""
+    """Judged by a residual that shares no code with the package; some of these cycle, most do
+    not."""
     cases: list[Case] = [case for group in families((20,), 5, body=False) for case in group]
     converged = 0
     for case in cases:
@@ -96,7 +116,10 @@ def test_every_module_loads(name: str) -> None:
 
 def test_the_gallery_is_what_it_makes() -> None:
     """A picture that nothing draws any more would show what the program no longer does."""
-    stored = {path.stem.removeprefix("gallery-") for path in (gallery.ROOT / "results").glob("gallery-*.png")}
+    stored = {
+        path.stem.removeprefix("gallery-")
+        for path in (gallery.ROOT / "results").glob("gallery-*.png")
+    }
     assert stored == set(gallery.DRAWN)
 
 

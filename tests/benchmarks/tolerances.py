@@ -58,7 +58,13 @@ class SceneTrial:
     seconds: float
 
     def __str__(self) -> str:
-        said = "MISSED" if self.met and self.ratio > 1.0 else "met" if self.met else "not met, and says so"
+        said = (
+            "MISSED"
+            if self.met and self.ratio > 1.0
+            else "met"
+            if self.met
+            else "not met, and says so"
+        )
         return (
             f"{self.scene:4d} {self.law:17} {self.goal:18} {self.tolerance:5.0e} {said:6} error {self.ratio:5.2f} "
             f"estimate {self.estimate:5.2f} (of the tolerance) {self.n_dof:6d} dofs {self.seconds:5.1f} s"
@@ -111,17 +117,22 @@ def scene_table(found: list[SceneTrial]) -> str:
 
 
 def reference(study: Study, goal: Goal) -> tuple[float, float]:
-    """J of the first scene of a study whose body is given by edges, and its uncertainty relative to it.
+    """J of the first scene of a study whose body is given by edges, and its uncertainty relative to
+    it.
 
     Mesh:  bisected for the goal and the energy norm together, so that nothing that the goal's own estimate misses stays
-           coarse; then at every corner of the body, at the point of u_T and at the fronts; then halved as often as
+           coarse; then at every corner of the body, at the point of u_T and at the fronts; then
+           halved as often as
            FINEST allows
-    Value: of the finest mesh, and REST of its last change on top; as much again is called its uncertainty
+    Value: of the finest mesh, and REST of its last change on top; as much again is called its
+    uncertainty
     """
     mesh, places = _bisected(study, goal)
     body = study.scenes[0].body
     assert body.outline is not None
-    corners: list[Point] = [edge.start for loop in (body.outline, *body.holes) for edge in loop.edges]
+    corners: list[Point] = [
+        edge.start for loop in (body.outline, *body.holes) for edge in loop.edges
+    ]
     for k in range(CORNER_STEPS):
         try:
             mesh = _cut_at(mesh, corners + (places if k < PLACE_STEPS else []))
@@ -150,7 +161,10 @@ def _value(study: Study, goal: Goal, level: Level) -> float:
 
 def _bisected(study: Study, goal: Goal) -> tuple[PlaneMesh, list[Point]]:
     """The adaptive mesh, and where the goal's point and the fronts are."""
-    scene, corners = study.scenes[0], np.array([edge.start for edge in study.scenes[0].body.outline.edges])  # type: ignore[union-attr]
+    scene, corners = (
+        study.scenes[0],
+        np.array([edge.start for edge in study.scenes[0].body.outline.edges]),
+    )  # type: ignore[union-attr]
     size = min(study.mesh.maxh[0], 0.2 * float(np.ptp(corners, axis=0).max()))
     family = Family(replace(study, mesh=MeshPlan((size,), 40, "adaptive", marking=0.5, goal=goal)))
     for i in range(40):
@@ -163,17 +177,26 @@ def _bisected(study: Study, goal: Goal) -> tuple[PlaneMesh, list[Point]]:
         if level.frames.n_dof > ADAPTIVE:
             break
         found = estimator.estimates[()]
-        squares, _ = estimator.energy_squares(scene, condensed.problem, v, level.displacement(scene, v))
+        squares, _ = estimator.energy_squares(
+            scene, condensed.problem, v, level.displacement(scene, v)
+        )
         both = found.indicators / max(found.indicators.sum(), 1e-300) + squares / squares.sum()
-        estimator.estimates[()] = replace(found, indicators=both, error=1.0, hidden=0.0 * found.hidden)
-    at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]
+        estimator.estimates[()] = replace(
+            found, indicators=both, error=1.0, hidden=0.0 * found.hidden
+        )
+    at = [
+        level.line.ends[front.segment].mean(axis=0)
+        for front in fronts(level.line, condensed.problem, v)
+    ]
     places = [(float(x), float(y)) for x, y in at]
     return level.mesh, places + ([goal.at] if goal.at is not None else [])
 
 
 def _cut_at(mesh: PlaneMesh, places: list[Point]) -> PlaneMesh:
     """The mesh with the triangles bisected that touch the nodes nearest to the places."""
-    nodes = [int(np.argmin(np.linalg.norm(mesh.points - np.array(place), axis=1))) for place in places]
+    nodes = [
+        int(np.argmin(np.linalg.norm(mesh.points - np.array(place), axis=1))) for place in places
+    ]
     return refine(mesh, np.any(np.isin(mesh.triangles, nodes), axis=1))
 
 

@@ -1,4 +1,5 @@
-"""Condensation against dense elimination and SuperLU, on meshes of every kind of boundary; what is refused; plans."""
+"""Condensation against dense elimination and SuperLU, on meshes of every kind of boundary; what is
+refused; plans."""
 
 import numpy as np
 import pytest
@@ -12,16 +13,27 @@ from tcstudy.condense.condensation import _separators
 
 
 def plate(n, grading=1.0, seed=None, length=2):
-    """Points and triangles of (0, length) x (0, 1), optionally graded to x = 0, or with inner nodes moved."""
-    x, y = np.meshgrid(np.linspace(0, 1, length * n + 1) ** grading * length, np.linspace(0, 1, n + 1), indexing="ij")
+    """Points and triangles of (0, length) x (0, 1), optionally graded to x = 0, or with inner nodes
+    moved."""
+    x, y = np.meshgrid(
+        np.linspace(0, 1, length * n + 1) ** grading * length,
+        np.linspace(0, 1, n + 1),
+        indexing="ij",
+    )
     points = np.column_stack([x.ravel(), y.ravel()])
     if seed is not None:
-        inner = (points[:, 0] > 0) & (points[:, 0] < length) & (points[:, 1] > 0) & (points[:, 1] < 1)
-        points = points + inner[:, None] * np.random.default_rng(seed).uniform(-0.3 / n, 0.3 / n, points.shape)
+        inner = (
+            (points[:, 0] > 0) & (points[:, 0] < length) & (points[:, 1] > 0) & (points[:, 1] < 1)
+        )
+        points = points + inner[:, None] * np.random.default_rng(seed).uniform(
+            -0.3 / n, 0.3 / n, points.shape
+        )
     triangles = Delaunay(points).simplices.astype(np.int64)
     corner = points[triangles]
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    triangles = triangles[np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 1e-3 / n**2 * (2 / n) ** (grading - 1)]
+    triangles = triangles[
+        np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 1e-3 / n**2 * (2 / n) ** (grading - 1)
+    ]
     return points, triangles
 
 
@@ -51,7 +63,11 @@ def heat(mesh):
 
 def elasticity(mesh, poisson=0.3):
     """∫cε(u):ε(v), plane strain, Young's modulus 1."""
-    lame, shear, p = poisson / (1 + poisson) / (1 - 2 * poisson), 0.5 / (1 + poisson), products(*mesh)
+    lame, shear, p = (
+        poisson / (1 + poisson) / (1 - 2 * poisson),
+        0.5 / (1 + poisson),
+        products(*mesh),
+    )
     same = np.einsum("tij,cd->ticjd", np.einsum("ticjc->tij", p), np.eye(2))
     return assembled(mesh, lame * p + shear * p.swapaxes(2, 4) + shear * same)
 
@@ -73,7 +89,8 @@ def rolled_plate(mesh):
 
 
 def two_contacts(mesh):
-    """Clamped at x = 0, bottom kept in x with u_y = 0, right side kept in y with u_x = 0: two separate parts."""
+    """Clamped at x = 0, bottom kept in x with u_y = 0, right side kept in y with u_x = 0: two
+    separate parts."""
     x, y = mesh[0].T
     clamp, bottom, right = x == 0, (y == 0) & (x > 0) & (x < 1.5), (x == 2) & (y > 0.4)
     keep = np.concatenate([nodes(mesh[0], bottom), len(x) + nodes(mesh[0], right)])
@@ -83,7 +100,8 @@ def two_contacts(mesh):
 
 
 def neumann_heat(mesh):
-    """Pure Neumann heat conduction, kept on the whole outer boundary (method §4): Ã is singular and must be found."""
+    """Pure Neumann heat conduction, kept on the whole outer boundary (method §4): Ã is singular and
+    must be found."""
     x, y = mesh[0].T
     outer = (x == 0) | (x == 2) | (y == 0) | (y == 1)
     return heat(mesh), mesh[0], nodes(mesh[0], outer), ~outer, 1
@@ -108,7 +126,9 @@ def test_condensed_problem_and_its_expansion_agree_with_superlu(body, mesh):
     A_tilde = A[keep][:, keep].toarray() - A_ik.T @ X[:, : len(keep)]
     c = condense(*case)
     load = c.forward(F)
-    root = np.sqrt(A_tilde.diagonal())  # row by row: on a graded mesh a few large entries would hide the others
+    root = np.sqrt(
+        A_tilde.diagonal()
+    )  # row by row: on a graded mesh a few large entries would hide the others
     assert np.max(np.abs(c.A_tilde - A_tilde) / np.outer(root, root)) < 1e-12
     assert np.array_equal(c.A_tilde, c.A_tilde.T)
     assert relative(c.condensed(load), F[keep] - A_ik.T @ X[:, len(keep) :]) < 1e-12
@@ -120,7 +140,9 @@ def test_condensed_problem_and_its_expansion_agree_with_superlu(body, mesh):
     assert relative(c.expand(u_k, load), expected) < 1e-11
     assert relative(c.expand(u_k[:, 0], load[:, 0]), expected[:, 0]) < 1e-11
     extended = c.expand(u_k)  # harmonically
-    assert np.max(np.abs((A @ extended)[free])) < 1e-13 * np.max(np.abs(A.data)) * np.max(np.abs(extended))
+    assert np.max(np.abs((A @ extended)[free])) < 1e-13 * np.max(np.abs(A.data)) * np.max(
+        np.abs(extended)
+    )
 
 
 def test_nothing_kept_is_a_sparse_solver_and_duplicate_entries_are_summed():
@@ -143,7 +165,8 @@ def test_nothing_kept_is_a_sparse_solver_and_duplicate_entries_are_summed():
 @pytest.mark.parametrize("scale", [1e-30, 1.0])
 @pytest.mark.parametrize(("n", "seed"), [(2, None), (13, 2)])
 def test_a_floating_body_is_refused(n, seed, scale):
-    """In floating point the zero eigenvalues of the rigid motions come out as tiny numbers of either sign."""
+    """In floating point the zero eigenvalues of the rigid motions come out as tiny numbers of
+    either sign."""
     points, _ = mesh = plate(n, seed=seed)
     rolls = np.concatenate([np.ones(len(points), dtype=bool), points[:, 1] > 0])
     with pytest.raises(NotPositiveDefinite):  # it still slides in x
@@ -156,7 +179,8 @@ def test_a_floating_body_is_refused(n, seed, scale):
 
 @pytest.mark.parametrize("n", [5, 12])
 def test_rotation_about_a_held_node_is_refused(n):
-    """The last pivots may all be large then: the last unknown hardly moves in a rotation about a node near it."""
+    """The last pivots may all be large then: the last unknown hardly moves in a rotation about a
+    node near it."""
     points, _ = mesh = plate(n, seed=1)
     A, nv = elasticity(mesh), len(points)
     centre = np.argsort(np.hypot(*(points - [1.0, 0.5]).T))[:8]
@@ -199,7 +223,10 @@ def test_entries_that_are_not_finite_are_refused(value):
 def test_a_plan_serves_other_matrices_of_the_same_pattern_alone():
     """Bit for bit the same as with a plan of their own, which others get."""
     A, points, keep, free, components = rolled_plate(MESHES["irregular"])
-    first, other = condense(A, points, keep, free, components), elasticity(MESHES["irregular"], poisson=0.1)
+    first, other = (
+        condense(A, points, keep, free, components),
+        elasticity(MESHES["irregular"], poisson=0.1),
+    )
     i, j = np.flatnonzero(free)[[0, -1]]
     coupled = sp.csr_matrix(A + sp.csr_matrix(([1e-3, 1e-3], ([i, j], [j, i])), shape=A.shape))
     for matrix in (other, coupled):

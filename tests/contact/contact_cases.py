@@ -1,4 +1,5 @@
-"""Laws, bodies and random problems for the tests of the engine, and a judge that shares no code with it."""
+"""Laws, bodies and random problems for the tests of the engine, and a judge that shares no code
+with it."""
 
 import math
 from collections.abc import Sequence
@@ -17,11 +18,22 @@ Index = NDArray[np.intp]
 
 
 def linear_law(
-    name: str, kinks: Sequence[float], left: Sequence[float], right: Sequence[float], ends: tuple[float, float]
+    name: str,
+    kinks: Sequence[float],
+    left: Sequence[float],
+    right: Sequence[float],
+    ends: tuple[float, float],
 ) -> Laws:
-    """Piecewise-linear law through given one-sided values at its kinks; `ends` are the two outer slopes."""
-    points = [p for s, *both in zip(kinks, left, right, strict=True) for p in ((s, float(b)) for b in both)]
-    return replace(shapes.piecewise_linear(points, False, None, [float(q) for q in ends]), name=name)
+    """Piecewise-linear law through given one-sided values at its kinks; `ends` are the two outer
+    slopes."""
+    points = [
+        p
+        for s, *both in zip(kinks, left, right, strict=True)
+        for p in ((s, float(b)) for b in both)
+    ]
+    return replace(
+        shapes.piecewise_linear(points, False, None, [float(q) for q in ends]), name=name
+    )
 
 
 def slip_weakening(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
@@ -39,12 +51,15 @@ def spring(stiffness: float = 1.0) -> Laws:
 def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 0.5) -> Laws:
     """Stick at 0, then rising teeth that end in down-jumps, odd (delamination in steps)."""
     starts = [mu * drop**i for i in range(4)]
-    points = [p for i in range(3) for p in ((i * d, starts[i]), ((i + 1) * d, starts[i] + slope * d))]
+    points = [
+        p for i in range(3) for p in ((i * d, starts[i]), ((i + 1) * d, starts[i] + slope * d))
+    ]
     return shapes.piecewise_linear([*points, (3 * d, starts[3])], True, None, None)
 
 
 def half_laplacian(m: int, stiffness: float = 1.0) -> tuple[Array, Array]:
-    """(Ã, c) of a clamped half-plane model: eigenvalues proportional to the wave number, λ₁ = π·stiffness."""
+    """(Ã, c) of a clamped half-plane model: eigenvalues proportional to the wave number, λ₁ =
+    π·stiffness."""
     k, h = np.arange(1, m + 1), 1.0 / (m + 1)
     modes = np.sqrt(2.0 / (m + 1)) * np.sin(np.pi * np.outer(k, k) / (m + 1))
     A_tilde = (modes * (h * np.pi * stiffness * k)) @ modes.T
@@ -59,7 +74,8 @@ def ill_conditioned(rng: np.random.Generator, m: int, condition: float) -> Array
 
 
 def random_stiffness(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
-    """(Ã, c): a half-Laplacian with uneven cells and a random coupling of up to its own size, or a random matrix."""
+    """(Ã, c): a half-Laplacian with uneven cells and a random coupling of up to its own size, or a
+    random matrix."""
     A_tilde, c = half_laplacian(m)
     c = c * rng.uniform(0.5, 1.5, m)
     if rng.random() < 0.3:
@@ -68,8 +84,11 @@ def random_stiffness(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
     return A_tilde, c
 
 
-def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, smooth: bool = False) -> Laws:
-    """Random law of unit size: up- and down-jumps, pieces that fall by up to 100 λ₁, growth (15), (16) kept."""
+def random_law(
+    rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, smooth: bool = False
+) -> Laws:
+    """Random law of unit size: up- and down-jumps, pieces that fall by up to 100 λ₁, growth (15),
+    (16) kept."""
     count = int(rng.integers(1, max_kinks + 1))
     steepest = lambda_1 * 10.0 ** rng.uniform(-1.0, 2.0)
     spacing = 10.0 ** rng.uniform(-2.0, 0.0) * rng.uniform(0.2, 1.8, count - 1)
@@ -89,7 +108,8 @@ def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, s
 
 
 def _bent(rng: np.random.Generator, law: Laws) -> Laws:
-    """Some pieces turned into exponentials with the same values at their ends (outer pieces: a decaying part)."""
+    """Some pieces turned into exponentials with the same values at their ends (outer pieces: a
+    decaying part)."""
     s, b_0, q = law.kinks, law.b_0.copy(), law.q.copy()
     a, r = np.zeros(len(q)), np.zeros(len(q))
     fastest = 20.0 / max(float(np.max(np.abs(s))), 0.1)
@@ -108,21 +128,29 @@ def _bent(rng: np.random.Generator, law: Laws) -> Laws:
     return Laws("random smooth", s, law.s_0, b_0, q, a, r)
 
 
-def random_problem(rng: np.random.Generator, m: int, max_kinks: int = 41, smooth: bool = False) -> ContactProblem:
-    """Random stiffness, law and load; the load grows through first slip (0.5 to 3 times the size of b)."""
+def random_problem(
+    rng: np.random.Generator, m: int, max_kinks: int = 41, smooth: bool = False
+) -> ContactProblem:
+    """Random stiffness, law and load; the load grows through first slip (0.5 to 3 times the size of
+    b)."""
     A_tilde, c = random_stiffness(rng, m)
     law = random_law(rng, least_eigenvalue(A_tilde, c), max_kinks, smooth)
     law.check_growth()
     x = (np.arange(m) + 0.5) / m
-    shape = rng.normal() + sum(rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 6))
+    shape = rng.normal() + sum(
+        rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 6)
+    )
     if rng.random() < 0.2:
         shape = shape + 0.3 * rng.normal(size=m)
     size = rng.uniform(0.5, 3.0) * law.b_scale / np.max(np.abs(shape))
     return ContactProblem(A_tilde, c * shape * size, c, law)
 
 
-def rescaled(problem: ContactProblem, s_unit: float, b_unit: float, x_unit: float) -> ContactProblem:
-    """The same problem with slips, tractions and lengths along the contact measured in other units."""
+def rescaled(
+    problem: ContactProblem, s_unit: float, b_unit: float, x_unit: float
+) -> ContactProblem:
+    """The same problem with slips, tractions and lengths along the contact measured in other
+    units."""
     return ContactProblem(
         problem.A_tilde * (s_unit / b_unit / x_unit),
         problem.l_tilde / (b_unit * x_unit),
@@ -132,7 +160,8 @@ def rescaled(problem: ContactProblem, s_unit: float, b_unit: float, x_unit: floa
 
 
 def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None = None) -> float:
-    """Inclusion residual by plain loops, ξ summed without error; displacements may be sums v + v_low of two doubles."""
+    """Inclusion residual by plain loops, ξ summed without error; displacements may be sums v +
+    v_low of two doubles."""
     law, low = problem.law, np.zeros(problem.m) if v_low is None or not len(v_low) else v_low
     traction = _exact_xi(problem, v, low) / problem.c
     worst, largest = 0.0, 0.0
@@ -143,7 +172,10 @@ def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None 
 
     for node, s in enumerate(zip(v, low, strict=True)):
         below = sum(1 for kink in law.kinks if (kink, 0.0) < s)
-        values = [piece_value(k, *s) for k in {below, below + sum(1 for kink in law.kinks if (kink, 0.0) == s)}]
+        values = [
+            piece_value(k, *s)
+            for k in {below, below + sum(1 for kink in law.kinks if (kink, 0.0) == s)}
+        ]
         gap = max(min(values) - float(traction[node]), float(traction[node]) - max(values), 0.0)
         worst = gap if not gap <= worst else worst
     for k, kink in enumerate(law.kinks):
@@ -154,7 +186,8 @@ def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None 
 
 
 def _exact_xi(problem: ContactProblem, v: Array, v_low: Array) -> Array:
-    """l̃ − Ã(v + v_low), rounded once: products of halves of doubles are doubles, and fsum adds without error."""
+    """l̃ − Ã(v + v_low), rounded once: products of halves of doubles are doubles, and fsum adds
+    without error."""
 
     def halves(x: Array) -> tuple[Array, Array]:
         high = 134217729.0 * x
@@ -162,12 +195,15 @@ def _exact_xi(problem: ContactProblem, v: Array, v_low: Array) -> Array:
         return high, x - high
 
     A, parts = halves(problem.A_tilde), (*halves(v), v_low)
-    rows = np.concatenate([problem.l_tilde[:, None], *(-half * part for half in A for part in parts)], axis=1)
+    rows = np.concatenate(
+        [problem.l_tilde[:, None], *(-half * part for half in A for part in parts)], axis=1
+    )
     return np.array([math.fsum(row) for row in rows.tolist()])
 
 
 def some_laws() -> list[Laws]:
-    """One law of every kind: softening, smooth, without kinks, with down-jumps, and two random ones."""
+    """One law of every kind: softening, smooth, without kinks, with down-jumps, and two random
+    ones."""
     rng = np.random.default_rng(7)
     return [
         slip_weakening(1.0, 0.4, 0.15),
@@ -179,7 +215,9 @@ def some_laws() -> list[Laws]:
     ]
 
 
-def block(m: int, laws: Sequence[Laws], points: int, seed: int = 0) -> tuple[CondensedBody, Array, Laws, Index]:
+def block(
+    m: int, laws: Sequence[Laws], points: int, seed: int = 0
+) -> tuple[CondensedBody, Array, Laws, Index]:
     """(body, loads (P, m), tables, law of every point): waves of 0.4 to 2.5 times the size of b."""
     rng = np.random.default_rng([seed, m])
     body = CondensedBody.of(*half_laplacian(m))
@@ -193,7 +231,9 @@ def block(m: int, laws: Sequence[Laws], points: int, seed: int = 0) -> tuple[Con
     return body, loads, Laws.of(laws), law
 
 
-def solve_points(body: CondensedBody, loads: Array, tables: Laws, law: Index, tolerance: float | None = None) -> Answer:
+def solve_points(
+    body: CondensedBody, loads: Array, tables: Laws, law: Index, tolerance: float | None = None
+) -> Answer:
     """All points as one block with only the laws in use."""
     used, rows = np.unique(law, return_inverse=True)
     return solve_block(body, loads, tables.at(used[rows].reshape(-1, 1)), tolerance=tolerance)

@@ -1,4 +1,5 @@
-"""Small contact problems with piecewise-linear laws, their energies from the numbers of the pieces, their least energy.
+"""Small contact problems with piecewise-linear laws, their energies from the numbers of the pieces,
+their least energy.
 
 All solutions are those of `random_polygons`: every piece and kink of every node is tried.
 """
@@ -33,14 +34,20 @@ def primitive(law: Laws, s: Array) -> Array:
 
 def energy(problem: ContactProblem, v: Array) -> Array:
     """L̃ from `primitive` at the points v (…, m)."""
-    quadratic = 0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - np.sum(v * problem.l_tilde, axis=-1)
+    quadratic = 0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - np.sum(
+        v * problem.l_tilde, axis=-1
+    )
     laws = (problem.law.single(i) for i in range(problem.m))
-    friction = [c * primitive(law, x) for law, x, c in zip(laws, np.moveaxis(v, -1, 0), problem.c, strict=True)]
+    friction = [
+        c * primitive(law, x)
+        for law, x, c in zip(laws, np.moveaxis(v, -1, 0), problem.c, strict=True)
+    ]
     return np.asarray(quadratic + np.sum(friction, axis=0))
 
 
 def least_energy(problem: ContactProblem) -> float:
-    """The least energy of all: that of the lowest stationary point that is on pieces and up-jumps alone.
+    """The least energy of all: that of the lowest stationary point that is on pieces and up-jumps
+    alone.
 
     A minimum never sits on a down-jump, and a kink without a jump belongs to its pieces.
     """
@@ -51,20 +58,26 @@ def least_energy(problem: ContactProblem) -> float:
 def is_strict_minimum(problem: ContactProblem, v: Array, rng: np.random.Generator) -> bool:
     """Whether 4,000 points on each of two small spheres around v all have a larger energy.
 
-    Half of them move the nodes off the kinks only: with nodes at rest the directions of descent of a saddle form a
-    wedge too narrow to be hit otherwise.
+    Half of them move the nodes off the kinks only: with nodes at rest the directions of descent of
+    a saddle form a wedge too narrow to be hit otherwise.
     """
     step = rng.normal(size=(4000, problem.m))
     step[::2] *= ~np.isin(v, problem.law.kinks)
     step = step[np.any(step != 0.0, axis=1)]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
-    point = v.astype(np.longdouble)  # soft bodies: the difference is below the rounding of both energies
+    point = v.astype(
+        np.longdouble
+    )  # soft bodies: the difference is below the rounding of both energies
     here, length = energy(problem, point), max(1.0, float(np.max(np.abs(v))))
-    return all(bool(np.all(energy(problem, point + radius * length * step) > here)) for radius in (1e-6, 3e-7))
+    return all(
+        bool(np.all(energy(problem, point + radius * length * step) > here))
+        for radius in (1e-6, 3e-7)
+    )
 
 
 def small_problem(seed: int, m: int) -> ContactProblem:
-    """Soft bodies, so that a node has several wells: down-jumps, slip weakening, up-jumps or a random law."""
+    """Soft bodies, so that a node has several wells: down-jumps, slip weakening, up-jumps or a
+    random law."""
     rng = np.random.default_rng([seed, m, 5])
     A_tilde, c = cases.half_laplacian(m, rng.choice([0.05, 0.15, 0.4, 1.0]))
     laws = (
@@ -77,15 +90,19 @@ def small_problem(seed: int, m: int) -> ContactProblem:
     x = (np.arange(m) + 0.5) / m
     waves = (rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 4))
     shape = rng.normal() + sum(waves) + 0.1 * rng.normal(size=m)
-    return ContactProblem(A_tilde, c * shape * rng.uniform(0.7, 2.0) * law.b_scale / np.abs(shape).max(), c, law)
+    return ContactProblem(
+        A_tilde, c * shape * rng.uniform(0.7, 2.0) * law.b_scale / np.abs(shape).max(), c, law
+    )
 
 
 PLACES = {1: 30, 2: 16, 3: 10, 4: 7, 5: 5, 6: 4, 7: 3, 8: 3}
-"""Most pieces and up-jumps that a law of `any_problem` has with m nodes, so that at most 6,561 choices are tried."""
+"""Most pieces and up-jumps that a law of `any_problem` has with m nodes, so that at most 6,561
+choices are tried."""
 
 
 def any_law(rng: np.random.Generator, places: int) -> Laws:
-    """Any law that grows as (15) asks for: it may push the slip on, be odd or not, jump and fall as it likes."""
+    """Any law that grows as (15) asks for: it may push the slip on, be odd or not, jump and fall as
+    it likes."""
     while True:
         odd = bool(rng.random() < 0.3)
         s = np.cumsum(rng.uniform(0.02, 1.0, rng.integers(1, 9)) * 10.0 ** rng.uniform(-1.0, 0.5))
@@ -107,7 +124,8 @@ def any_law(rng: np.random.Generator, places: int) -> Laws:
 
 
 def any_problem(seed: int, m: int) -> ContactProblem:
-    """Any law on a body that is soft or stiff, an elastic line or a random matrix, neighbours coupled either way."""
+    """Any law on a body that is soft or stiff, an elastic line or a random matrix, neighbours
+    coupled either way."""
     rng = np.random.default_rng([seed, m, 7])
     law = any_law(rng, PLACES[m])
     A_tilde, c = cases.random_stiffness(rng, m)
@@ -120,8 +138,8 @@ def any_problem(seed: int, m: int) -> ContactProblem:
 
 
 class Search(NamedTuple):
-    """Of one `any_problem`: whether it is solved, has the least energy of all, has it without the search for less, and
-    certificates that the enumeration or the sampling refutes."""
+    """Of one `any_problem`: whether it is solved, has the least energy of all, has it without the
+    search for less, and certificates that the enumeration or the sampling refutes."""
 
     solved: bool
     found: bool
@@ -137,10 +155,13 @@ def search(seed: int, m: int) -> Search:
     certificate = certify(problem, answer.v)
     above = least + 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answer.v))))
     found, plain = answer.energy <= above, float(np.nanmin(answer.energies[:ESCAPE])) <= above
-    strict = not certificate.strict_minimum or is_strict_minimum(problem, answer.v, np.random.default_rng(seed))
+    strict = not certificate.strict_minimum or is_strict_minimum(
+        problem, answer.v, np.random.default_rng(seed)
+    )
     wrong = {
         "unique": certificate.unique and not found,
-        "global_minimum": certificate.global_minimum and answer.energy > above + certificate.energy_gap,
+        "global_minimum": certificate.global_minimum
+        and answer.energy > above + certificate.energy_gap,
         "strict_minimum": not strict,
     }
     return Search(not answer.reason, found, plain, tuple(name for name in wrong if wrong[name]))
@@ -159,15 +180,26 @@ def compare(seed: int, m: int, max_kinks: int) -> list[Comparison]:
     """Certificates of all solutions of one random small problem beside the exhaustive search."""
     rng = np.random.default_rng([seed, m])
     A_tilde, c = cases.half_laplacian(m)
-    law = cases.random_law(rng, cases.least_eigenvalue(A_tilde, c) * rng.choice([0.03, 0.1, 1.0]), max_kinks)
+    law = cases.random_law(
+        rng, cases.least_eigenvalue(A_tilde, c) * rng.choice([0.03, 0.1, 1.0]), max_kinks
+    )
     if rng.random() < 0.5:
         law = cases.slip_weakening(1.0, 0.5, 10.0 ** rng.uniform(-1.5, 0.0))
-    load = c * law.b_scale * (rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.3) + 0.2 * rng.normal(size=m))
+    load = (
+        c
+        * law.b_scale
+        * (rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.3) + 0.2 * rng.normal(size=m))
+    )
     problem = ContactProblem(A_tilde, load, c, law)
     solutions, _, _ = by_brute_force(problem)
     energies = [float(energy(problem, v)) for v in solutions]
     return [
-        Comparison(certify(problem, v), len(solutions), e - min(energies), is_strict_minimum(problem, v, rng))
+        Comparison(
+            certify(problem, v),
+            len(solutions),
+            e - min(energies),
+            is_strict_minimum(problem, v, rng),
+        )
         for v, e in zip(solutions, energies, strict=True)
     ]
 
@@ -180,6 +212,8 @@ def hit_rates(comparisons: list[Comparison]) -> dict[str, float]:
 
     return {
         "unique": share([x.certificate.unique for x in comparisons if x.solutions == 1]),
-        "global_minimum": share([x.certificate.global_minimum for x in comparisons if x.above_least <= 1e-12]),
+        "global_minimum": share(
+            [x.certificate.global_minimum for x in comparisons if x.above_least <= 1e-12]
+        ),
         "strict_minimum": share([x.certificate.strict_minimum for x in comparisons if x.strict]),
     }

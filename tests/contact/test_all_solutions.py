@@ -1,4 +1,5 @@
-"""All solutions of a problem against brute force over all pieces; limits, ties, laws of rows and exponential laws."""
+"""All solutions of a problem against brute force over all pieces; limits, ties, laws of rows and
+exponential laws."""
 
 import numpy as np
 import pytest
@@ -45,7 +46,9 @@ def test_random_problems_have_the_solutions_that_brute_force_finds(m: int) -> No
     assert all(count % 2 for count in counts)
 
 
-@pytest.mark.parametrize(("limits", "reason"), [(Limits(boxes=2), "2 boxes"), (Limits(seconds=0.0), "0 seconds")])
+@pytest.mark.parametrize(
+    ("limits", "reason"), [(Limits(boxes=2), "2 boxes"), (Limits(seconds=0.0), "0 seconds")]
+)
 def test_a_limit_ends_in_a_list_that_claims_nothing(limits: Limits, reason: str) -> None:
     problem = saw_tooth(6.0)
     assert len(all_solutions(problem)) > 3
@@ -55,33 +58,46 @@ def test_a_limit_ends_in_a_list_that_claims_nothing(limits: Limits, reason: str)
 
 
 def test_a_solution_on_a_kink_is_undecided_and_never_counted() -> None:
-    """A load that puts a node on a bend of its law: said, and decided by a load a little smaller."""
+    """A load that puts a node on a bend of its law: said, and decided by a load a little
+    smaller."""
     kink = tcstudy.law(points=[(0, 1), (1, 2), (2, 1.5)])
     A, c = np.diag([1.0, 1.0]), np.ones(2)
-    on = all_solutions(ContactProblem(A, np.array([3.0, 0.2]), c, kink))  # v₁ + b(v₁) = 3 at the kink v₁ = 1
+    on = all_solutions(
+        ContactProblem(A, np.array([3.0, 0.2]), c, kink)
+    )  # v₁ + b(v₁) = 3 at the kink v₁ = 1
     assert not on.complete
     assert len(on.undecided) == 2
     assert "within rounding" in on.reason
     beside = all_solutions(ContactProblem(A, np.array([3.0 * (1 - 1e-9), 0.2]), c, kink))
     assert beside.complete
-    falls = tcstudy.law(points=[(0, 2), (1, 1), (2, 1)])  # by as much as the body is stiff: a continuum of solutions
+    falls = tcstudy.law(
+        points=[(0, 2), (1, 1), (2, 1)]
+    )  # by as much as the body is stiff: a continuum of solutions
     assert not all_solutions(ContactProblem(A[:1, :1], np.array([2.0]), c[:1], falls)).complete
 
 
 def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
-    """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there would be empty."""
+    """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there
+    would be empty."""
     for seed in range(12):
         problem, _ = random_problem(seed, 3)
         rng, laws = np.random.default_rng(seed), [problem.law.single(i) for i in range(3)]
         k = [int(rng.integers(len(law.kinks))) for law in laws]
         v = np.array([law.kinks[i] for law, i in zip(laws, k, strict=True)])
         zeta = np.array(
-            [(law.b_left if rng.random() < 0.5 else law.b_right)[i] for law, i in zip(laws, k, strict=True)]
+            [
+                (law.b_left if rng.random() < 0.5 else law.b_right)[i]
+                for law, i in zip(laws, k, strict=True)
+            ]
         )
-        corner = ContactProblem(problem.A_tilde, problem.A_tilde @ v + problem.c * zeta, problem.c, problem.law)
+        corner = ContactProblem(
+            problem.A_tilde, problem.A_tilde @ v + problem.c * zeta, problem.c, problem.law
+        )
         found = all_solutions(corner)
         assert not found.complete
-        graph = PolygonProblems(corner.A_tilde, corner.c, corner.law, corner.l_tilde[None], corner.lambda_1)
+        graph = PolygonProblems(
+            corner.A_tilde, corner.c, corner.law, corner.l_tilde[None], corner.lambda_1
+        )
         ends = graph.points[0, np.arange(3)[:, None], found.undecided[..., None] + np.arange(2)]
         at = np.array([v, zeta]).T[:, None]
         assert np.any((np.abs(ends - at) < 1e-12).all(-1).any(-1).all(-1)), seed

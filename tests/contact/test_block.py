@@ -1,4 +1,5 @@
-"""Blocks of points against the single solve and bits; laws by node against one law and enumeration."""
+"""Blocks of points against the single solve and bits; laws by node against one law and
+enumeration."""
 
 import pickle
 from dataclasses import replace
@@ -31,7 +32,9 @@ def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> Non
         expected = solve_contact(problem)
         assert answers.energy[p] <= expected.energy + 1e-12 * abs(expected.energy)
         assert cases.independent_residual(problem, answers.v[p]) <= 1e-11
-        np.testing.assert_allclose(answers.energy[p], problem.energy(answers.v[p]), rtol=1e-11, atol=1e-14)
+        np.testing.assert_allclose(
+            answers.energy[p], problem.energy(answers.v[p]), rtol=1e-11, atol=1e-14
+        )
         proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
         for flag in FLAGS:
             assert getattr(answers.certificate, flag)[p] == getattr(proved, flag), flag
@@ -39,10 +42,24 @@ def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> Non
 
 def test_a_block_is_the_same_to_the_bit_every_time() -> None:
     body, loads, tables, law = block(44, some_laws(), 30)
-    one, other = (solve_points(pickle.loads(pickle.dumps(body)), loads, tables, law) for _ in range(2))
-    for name in ("v", "xi", "inclusion_residual", "energy", "status", "start", "energies", "iterations"):
+    one, other = (
+        solve_points(pickle.loads(pickle.dumps(body)), loads, tables, law) for _ in range(2)
+    )
+    for name in (
+        "v",
+        "xi",
+        "inclusion_residual",
+        "energy",
+        "status",
+        "start",
+        "energies",
+        "iterations",
+    ):
         assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True), name
-    assert all(np.array_equal(getattr(one.certificate, flag), getattr(other.certificate, flag)) for flag in FLAGS)
+    assert all(
+        np.array_equal(getattr(one.certificate, flag), getattr(other.certificate, flag))
+        for flag in FLAGS
+    )
 
 
 def test_all_nodes_alike_are_one_law() -> None:
@@ -61,8 +78,14 @@ def test_the_least_energy_of_all_is_found_with_a_law_of_its_own_at_every_node(m:
         problem = small_problem(seed, m)
         rng = np.random.default_rng([seed, m])
         shared = [problem.law, cases.slip_weakening(1.0, 0.3, 0.4), tresca(0.7)]
-        index, beta = rng.integers(0, 3, m), np.where(rng.random(m) < 0.2, 0.0, rng.uniform(0.3, 2.0, m))
-        sigma, a = rng.uniform(0.5, 2.0, m), np.where(rng.random(m) < 0.5, 0.0, 0.1 * rng.normal(size=m))
+        index, beta = (
+            rng.integers(0, 3, m),
+            np.where(rng.random(m) < 0.2, 0.0, rng.uniform(0.3, 2.0, m)),
+        )
+        sigma, a = (
+            rng.uniform(0.5, 2.0, m),
+            np.where(rng.random(m) < 0.5, 0.0, 0.1 * rng.normal(size=m)),
+        )
         problem = replace(problem, law=nodal(shared, index, beta, sigma, a))
         solutions = by_brute_force(problem)[0]
         least = float(np.min(energy(problem, solutions)))
@@ -78,7 +101,8 @@ def test_the_least_energy_of_all_is_found_with_a_law_of_its_own_at_every_node(m:
 
 
 def test_a_field_of_falls_is_sharper_than_its_largest() -> None:
-    """One steep node in forty on a body that its neighbours hold: λ₁ − max ω < 0, yet every load has one solution."""
+    """One steep node in forty on a body that its neighbours hold: λ₁ − max ω < 0, yet every load
+    has one solution."""
     A_tilde, c = cases.half_laplacian(40)
     steep = cases.slip_weakening(1.0, 0.5, 0.5 / (1.5 * np.pi))  # ω = 1.5 λ₁
     law = nodal([steep, tresca(1.0)], np.where(np.arange(40) == 3, 0, 1))

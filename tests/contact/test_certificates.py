@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.certificates import bends_below_tangent, certify, definite, quotient, solution_boxes
+from tcstudy.contact.certificates import (
+    bends_below_tangent,
+    certify,
+    definite,
+    quotient,
+    solution_boxes,
+)
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
@@ -35,7 +41,8 @@ def test_no_certificate_is_contradicted(m: int, max_kinks: int, count: int) -> N
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
-    """Sampled at many slips and at the kinks; the bound is attained (exponential pieces: to a tenth)."""
+    """Sampled at many slips and at the kinks; the bound is attained (exponential pieces: to a
+    tenth)."""
     reach = np.outer([-1.0, 1.0], np.geomspace(3e-5, 2.0, 2000)).ravel()
     for seed in range(12):
         rng = np.random.default_rng([seed, int(smooth)])
@@ -53,16 +60,23 @@ def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
 
 @pytest.mark.parametrize("m", [1, 2])
 def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
-    """No grid point of the whole box lies below a certified global minimum; most minima are certified."""
+    """No grid point of the whole box lies below a certified global minimum; most minima are
+    certified."""
     certified, least = 0, 0
     for seed in range(20):
         rng = np.random.default_rng([seed, m, 8])
         A_tilde, c = cases.half_laplacian(m)
-        law = cases.random_law(rng, 3.0, 5, True) if seed % 2 else cases.exponential_decay(1.0, 0.4, 0.1)
+        law = (
+            cases.random_law(rng, 3.0, 5, True)
+            if seed % 2
+            else cases.exponential_decay(1.0, 0.4, 0.1)
+        )
         load = c * law.b_scale * rng.uniform(0.4, 1.2) * np.ones(m)
         problem = ContactProblem(A_tilde, load, c, law)
         [low], [high] = solution_boxes(problem.rows)
-        axes = [np.linspace(min(a, -0.01), max(b, 0.01), 301) for a, b in zip(low, high, strict=True)]
+        axes = [
+            np.linspace(min(a, -0.01), max(b, 0.01), 301) for a, b in zip(low, high, strict=True)
+        ]
         lowest = float(np.min(problem.energy(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, m))))
         for x0 in (np.zeros(m), problem.frictionless()):
             v = nearest_minimum(problem, x0, 1e-12)[0]
@@ -71,7 +85,10 @@ def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
             assert np.all(low - 1e-10 <= v)
             assert np.all(v <= high + 1e-10)
             assert not certificate.global_minimum or here <= lowest + 1e-10
-            certified, least = certified + certificate.global_minimum, least + (here <= lowest + 1e-10)
+            certified, least = (
+                certified + certificate.global_minimum,
+                least + (here <= lowest + 1e-10),
+            )
     assert certified >= 0.7 * least
 
 
@@ -90,7 +107,8 @@ def test_box_holds_every_solution() -> None:
 
 
 def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:
-    """ξ/c = 1 = b(0+) and b falls faster than Ã rises: the inclusion holds, but slipping lowers the energy."""
+    """ξ/c = 1 = b(0+) and b falls faster than Ã rises: the inclusion holds, but slipping lowers the
+    energy."""
     certificate = certify(one_node(cases.slip_weakening(), 1.0), np.zeros(1))
     assert certificate.residual <= 1e-28
     assert not certificate.strict_minimum
@@ -103,7 +121,8 @@ def test_shared_tests_of_definiteness_agree_with_eigenvalues() -> None:
     slope = rng.normal(size=(200, 15)) * rng.choice([0.5, 3.0, 10.0], 200)[:, None]
     slope[rng.random(200) < 0.1, 3] = -np.inf
     expected = [
-        np.all(np.isfinite(row)) and np.linalg.eigvalsh(body.A_tilde + np.diag(body.c * row))[0] > 0.0
+        np.all(np.isfinite(row))
+        and np.linalg.eigvalsh(body.A_tilde + np.diag(body.c * row))[0] > 0.0
         for row in slope - body.shift
     ]
     assert 0 < sum(expected) < 200
@@ -111,7 +130,8 @@ def test_shared_tests_of_definiteness_agree_with_eigenvalues() -> None:
 
 
 def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_ends() -> None:
-    """2 (gap − ½ slope w²)/(1 + w)² with a slope so flat that the vertex at −2 gap/slope overflows: monotone in w."""
+    """2 (gap − ½ slope w²)/(1 + w)² with a slope so flat that the vertex at −2 gap/slope overflows:
+    monotone in w."""
     gap, none, flat = np.array([1.0, -1.0]), np.zeros(2), np.array([1e-310, -1e-310])
     largest = quotient(gap, none, flat, np.ones(2), np.full(2, 3.0))
     assert largest == pytest.approx([2.0, -2.0 / 16.0], rel=1e-15)

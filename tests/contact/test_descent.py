@@ -1,4 +1,5 @@
-"""Descent: known solutions, random problems judged from outside, pieces a few roundings wide, honest failures."""
+"""Descent: known solutions, random problems judged from outside, pieces a few roundings wide,
+honest failures."""
 
 import numpy as np
 import pytest
@@ -45,7 +46,8 @@ def test_leaves_a_saddle_of_several_nodes() -> None:
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("m", [20, 120])
 def test_random_problems_are_solved(m: int, smooth: bool) -> None:
-    """Up to 41 kinks, jumps both ways, falls up to 100 λ₁; the judge shares no code with the package."""
+    """Up to 41 kinks, jumps both ways, falls up to 100 λ₁; the judge shares no code with the
+    package."""
     for seed in range(12):
         rng = np.random.default_rng([seed, m, int(smooth)])
         problem = cases.random_problem(rng, m, smooth=smooth)
@@ -58,15 +60,24 @@ def test_laws_without_kinks_zero_load_and_no_nodes() -> None:
     v = solve(ContactProblem(A_tilde, load, c, cases.spring(3.0)))
     assert np.allclose(v, np.linalg.solve(A_tilde + np.diag(3.0 * c), load), rtol=1e-10)
     assert not np.any(solve_contact(ContactProblem(A_tilde, 0.0 * c, c, cases.spring(3.0))).v)
-    empty = solve_contact(ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.slip_weakening()))
+    empty = solve_contact(
+        ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.slip_weakening())
+    )
     assert (empty.status, len(empty.v)) == (Status.CONVERGED, 0)
 
 
 def test_coarse_start_saves_steps_on_the_body_itself() -> None:
     A_tilde, c = cases.half_laplacian(400)
     x = np.linspace(0.0, 1.0, 400)
-    load = 1.05 * c * (0.7 + 0.6 * np.sin(np.pi * x) * np.cos(5 * np.pi * x) + 0.25 * np.cos(2 * np.pi * x))
-    rows, zero = ContactProblem(A_tilde, load, c, cases.slip_weakening(1.0, 0.5, 0.05)).rows, np.zeros((1, 400))
+    load = (
+        1.05
+        * c
+        * (0.7 + 0.6 * np.sin(np.pi * x) * np.cos(5 * np.pi * x) + 0.25 * np.cos(2 * np.pi * x))
+    )
+    rows, zero = (
+        ContactProblem(A_tilde, load, c, cases.slip_weakening(1.0, 0.5, 0.05)).rows,
+        np.zeros((1, 400)),
+    )
     found, flat = descend_nested(rows, zero), descend(rows, zero)
     assert max(found.residual[0], flat.residual[0]) <= 1e-12
     assert found.steps[0] <= 4
@@ -75,7 +86,9 @@ def test_coarse_start_saves_steps_on_the_body_itself() -> None:
 
 def test_failures_are_statuses_with_a_reason() -> None:
     law = cases.slip_weakening()
-    indefinite = solve_contact(ContactProblem(np.diag([1.0, -1.0]), np.array([2.0, 2.0]), np.ones(2), law))
+    indefinite = solve_contact(
+        ContactProblem(np.diag([1.0, -1.0]), np.array([2.0, 2.0]), np.ones(2), law)
+    )
     assert indefinite.status == Status.NOT_POSITIVE_DEFINITE
     assert "clamp" in indefinite.reason
     infinite = ContactProblem(np.eye(2), np.array([np.nan, 1.0]), np.ones(2), law)
@@ -90,7 +103,8 @@ def test_failures_are_statuses_with_a_reason() -> None:
 
 
 def test_only_friction_holds_the_body() -> None:
-    """Two nodes on a spring that nothing else holds: pulled below the limits of both both rest, above it they part."""
+    """Two nodes on a spring that nothing else holds: pulled below the limits of both both rest,
+    above it they part."""
     A = np.array([[1.0, -1.0], [-1.0, 1.0]])
     held = solve_contact(ContactProblem(A, np.array([0.7, 0.7]), np.ones(2), tresca(1.0)))
     assert held.status == Status.CONVERGED
@@ -101,7 +115,8 @@ def test_only_friction_holds_the_body() -> None:
 
 
 def test_energy_change_is_exact_where_two_energies_cancel() -> None:
-    """A step of 1e-9 around a stationary point: the change is ½ dᵀ(Ã + C b′)d, far below the rounding of L̃."""
+    """A step of 1e-9 around a stationary point: the change is ½ dᵀ(Ã + C b′)d, far below the
+    rounding of L̃."""
     A_tilde, c = cases.half_laplacian(20)
     problem = ContactProblem(A_tilde, 3.0 * c, c, cases.exponential_decay())
     v = solve(problem)
@@ -114,12 +129,16 @@ def test_energy_change_is_exact_where_two_energies_cancel() -> None:
 
 
 def test_descents_end_where_rounding_is_all_that_is_left() -> None:
-    """Friction is small against the load: ξ = l̃ − Ãv loses the digits that the tolerance asks for."""
+    """Friction is small against the load: ξ = l̃ − Ãv loses the digits that the tolerance asks
+    for."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         q, _ = np.linalg.qr(rng.standard_normal((10, 10)))
         problem = ContactProblem(
-            (q * np.geomspace(1.0, 1e5, 10)) @ q.T, 1e4 * rng.standard_normal(10), np.ones(10), tresca(1.0)
+            (q * np.geomspace(1.0, 1e5, 10)) @ q.T,
+            1e4 * rng.standard_normal(10),
+            np.ones(10),
+            tresca(1.0),
         )
         ended = descend(problem.rows, np.zeros((1, 10)))
         assert ended.residual[0] < 1e-6
@@ -128,14 +147,17 @@ def test_descents_end_where_rounding_is_all_that_is_left() -> None:
 
 @pytest.mark.parametrize("mean", [0.96, 1.2])
 def test_stiffly_coupled_neighbours_do_not_make_it_crawl(mean: float) -> None:
-    """As under a thin layer, bending stiffness 1e4 times that of a node: node by node this took over 300 steps."""
+    """As under a thin layer, bending stiffness 1e4 times that of a node: node by node this took
+    over 300 steps."""
     m = 40
     A_tilde, c = cases.half_laplacian(m)
     bend = np.diff(np.eye(m), n=2, axis=0)
     A_tilde = A_tilde + 1e4 * np.pi / 16.0 * A_tilde[0, 0] * (bend.T @ bend)
     x = np.linspace(0.0, 1.0, m)
     law = cases.slip_weakening(1.0, 0.5, 0.25 / cases.least_eigenvalue(A_tilde, c))
-    problem = ContactProblem(A_tilde, c * (mean + 0.6 * np.cos(np.pi * x) + 0.3 * np.sin(5 * x)), c, law)
+    problem = ContactProblem(
+        A_tilde, c * (mean + 0.6 * np.cos(np.pi * x) + 0.3 * np.sin(5 * x)), c, law
+    )
     ended = descend(problem.rows, np.zeros((1, m)), 1e-10)
     assert ended.residual[0] <= 1e-10
     assert ended.steps[0] <= 40
@@ -147,9 +169,14 @@ def test_random_laws_on_badly_conditioned_bodies(driven: bool) -> None:
     for m, seeds in ((20, 10), (60, 2)):
         for seed in range(seeds):
             rng = np.random.default_rng([seed, m])
-            A, law = cases.ill_conditioned(rng, m, 10.0 ** rng.uniform(2.0, 8.0)), cases.random_law(rng, 1.0, 8)
+            A, law = (
+                cases.ill_conditioned(rng, m, 10.0 ** rng.uniform(2.0, 8.0)),
+                cases.random_law(rng, 1.0, 8),
+            )
             c = 10.0 ** rng.uniform(-1.0, 1.0, m) if seed % 2 else np.ones(m)
-            noise = law.b_scale * (rng.normal(size=m) if driven else rng.choice([-1.0, 1.0, 0.0], m))
+            noise = law.b_scale * (
+                rng.normal(size=m) if driven else rng.choice([-1.0, 1.0, 0.0], m)
+            )
             load = A @ rng.normal(size=m) * (0.5 if driven else 0.05) + c * noise
             answer = solve_contact(ContactProblem(A, load, c, law))
             assert answer.status == Status.CONVERGED, (m, seed, answer.reason)
@@ -158,7 +185,8 @@ def test_random_laws_on_badly_conditioned_bodies(driven: bool) -> None:
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_the_convex_model_lowers_the_energy_and_finds_first_order_points(smooth: bool) -> None:
-    """The fallback alone: every minimum of the model lowers L̃, and repeated ones end where no node descends."""
+    """The fallback alone: every minimum of the model lowers L̃, and repeated ones end where no node
+    descends."""
     for seed in range(8):
         rng = np.random.default_rng([seed, int(smooth), 11])
         problem = cases.random_problem(rng, 6, max_kinks=9, smooth=smooth)
@@ -167,7 +195,9 @@ def test_the_convex_model_lowers_the_energy_and_finds_first_order_points(smooth:
             target = convex_step(problem, v)
             assert target is not None
             change = problem.energy_change(v, target)[0]
-            slack = 1e-13 * float(problem.c @ np.abs(problem.law.j(v)) + np.abs(problem.l_tilde) @ np.abs(v))
+            slack = 1e-13 * float(
+                problem.c @ np.abs(problem.law.j(v)) + np.abs(problem.l_tilde) @ np.abs(v)
+            )
             assert change <= slack
             if abs(change) <= slack:
                 break
@@ -178,7 +208,9 @@ def test_the_convex_model_lowers_the_energy_and_finds_first_order_points(smooth:
 @pytest.mark.parametrize("width", [6e-17, 1e-13, 1e-8])
 def test_nodes_rest_on_a_narrow_rise(width: float) -> None:
     """From one rounding of 0.3 on."""
-    law = piecewise_linear([(0.0, 0.5), (0.3, 0.5), (0.3 + width, 0.8), (1.0, 1.0)], True, None, None)
+    law = piecewise_linear(
+        [(0.0, 0.5), (0.3, 0.5), (0.3 + width, 0.8), (1.0, 1.0)], True, None, None
+    )
     A_tilde, c = cases.half_laplacian(20)
     problem = ContactProblem(A_tilde, c * np.linspace(0.4, 3.0, 20), c, law)
     answer = solve_contact(problem)

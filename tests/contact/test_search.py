@@ -1,4 +1,5 @@
-"""The search for less energy: against enumeration, the same every time, and only where it has business; envelopes."""
+"""The search for less energy: against enumeration, the same every time, and only where it has
+business; envelopes."""
 
 import numpy as np
 import pytest
@@ -34,7 +35,8 @@ def test_the_least_energy_of_all_is_found(m: int, count: int) -> None:
 
 
 def test_laws_that_push_hide_no_well() -> None:
-    """Any law, odd or not, opposing the slip or pushing it on: the share of `tests.benchmarks.reliability` for CI."""
+    """Any law, odd or not, opposing the slip or pushing it on: the share of
+    `tests.benchmarks.reliability` for CI."""
     results = [exhaustive.search(seed, 1 + seed % 8) for seed in range(72)]
     assert all(r.solved and r.found and not r.contradicted for r in results)
     assert sum(r.plain for r in results) < len(results)
@@ -51,9 +53,18 @@ def test_one_node_leaves_a_well_along_an_exponential() -> None:
 
 
 def test_pieces_out_of_reach_are_not_asked() -> None:
-    """b = 1 up to 3, 1 + exp(−1e4 (s − 3)) behind it, which at 0 is no double: no move, no overflow."""
+    """b = 1 up to 3, 1 + exp(−1e4 (s − 3)) behind it, which at 0 is no double: no move, no
+    overflow."""
     a, none = np.array([-1.0, 0.0, 0.0, 1.0]), np.zeros(4)
-    law = Laws("far", np.array([-3.0, 0.0, 3.0]), 3.0 * a, np.array([-1.0, -1.0, 1.0, 1.0]), none, a, 1e4 * a)
+    law = Laws(
+        "far",
+        np.array([-3.0, 0.0, 3.0]),
+        3.0 * a,
+        np.array([-1.0, -1.0, 1.0, 1.0]),
+        none,
+        a,
+        1e4 * a,
+    )
     rows = ContactProblem(np.eye(1), np.array([0.5]), np.ones(1), law).rows
     assert len(search.move_starts(rows, np.zeros((1, 1)))[0]) == 0
 
@@ -62,7 +73,9 @@ def test_pieces_out_of_reach_are_not_asked() -> None:
 def test_the_same_every_time_and_in_other_units(smooth: bool) -> None:
     gains = 0
     for seed in range(6):
-        problem = cases.random_problem(np.random.default_rng([seed, 61]), (20, 40)[seed % 2], smooth=smooth)
+        problem = cases.random_problem(
+            np.random.default_rng([seed, 61]), (20, 40)[seed % 2], smooth=smooth
+        )
         answer, again = solve_contact(problem), solve_contact(problem)
         assert answer.status == Status.CONVERGED
         assert cases.independent_residual(problem, answer.v) <= 1e-10
@@ -81,14 +94,20 @@ def test_no_business() -> None:
     """Without a fall of b, with ω < λ₁, on another branch, with bundle-newton: no search."""
     A_tilde, c = cases.half_laplacian(20)
     load = c * np.linspace(0.4, 1.8, 20)
-    for law in (cases.spring(), cases.slip_weakening(1.0, 1.0, 0.1), cases.slip_weakening(1.0, 0.5, 0.2)):
+    for law in (
+        cases.spring(),
+        cases.slip_weakening(1.0, 1.0, 0.1),
+        cases.slip_weakening(1.0, 0.5, 0.2),
+    ):
         answer = solve_contact(ContactProblem(A_tilde, load, c, law))
         assert answer.status == Status.CONVERGED
         assert np.isnan(answer.energies[ESCAPE])
     many_wells = ContactProblem(A_tilde, load, c, down_jumps(0.6, 10))
     assert solve_contact(many_wells).start == ESCAPE
     branches: tuple[Branch, ...] = ("from-zero", "continued")
-    assert all(np.isnan(solve_contact(many_wells, branch=branch).energies[ESCAPE]) for branch in branches)
+    assert all(
+        np.isnan(solve_contact(many_wells, branch=branch).energies[ESCAPE]) for branch in branches
+    )
     assert np.isnan(solve_contact(many_wells, "bundle-newton").energies[ESCAPE])
 
 
@@ -100,7 +119,8 @@ def envelope(law: Laws, kappa: float) -> tuple[Laws, np.ndarray]:
 
 
 def test_slip_weakening_in_closed_form() -> None:
-    """b falls from 1 to 0.5 over 0.1. Equal areas: the tangent from 0 ends at √((1 − 0.5)·0.1/κ), b there 0.5."""
+    """b falls from 1 to 0.5 over 0.1. Equal areas: the tangent from 0 ends at √((1 − 0.5)·0.1/κ), b
+    there 0.5."""
     law, kappa = cases.slip_weakening(1.0, 0.5, 0.1), 0.8
     hull, tangents = envelope(law, kappa)
     end = np.sqrt(0.05 / kappa)
@@ -115,7 +135,8 @@ def test_slip_weakening_in_closed_form() -> None:
 
 
 def sampled_hull(law: Laws, kappa: float, s: np.ndarray, j: np.ndarray) -> np.ndarray:
-    """conv(j + ½κ s²) − ½κ s² at the samples, as the largest of all their supporting lines (brute force)."""
+    """conv(j + ½κ s²) − ½κ s² at the samples, as the largest of all their supporting lines (brute
+    force)."""
     height = j + 0.5 * kappa * s**2
     slopes = np.unique(np.diff(height) / np.diff(s))
     supports = np.array([np.min(height - slope * s) for slope in slopes])
@@ -124,7 +145,8 @@ def sampled_hull(law: Laws, kappa: float, s: np.ndarray, j: np.ndarray) -> np.nd
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_random_laws(smooth: bool) -> None:
-    """j_κ ≤ j and equal off the tangents; b_κ falls by κ at most; against a brute-force hull of dense samples."""
+    """j_κ ≤ j and equal off the tangents; b_κ falls by κ at most; against a brute-force hull of
+    dense samples."""
     bridged = 0
     for seed in range(15):
         rng = np.random.default_rng([seed, int(smooth), 21])
@@ -133,7 +155,9 @@ def test_random_laws(smooth: bool) -> None:
         hull, tangents = envelope(law, kappa)
         bridged += len(tangents)
         reach = 2.0 * np.max(np.abs(law.kinks)) + 2.0 * law.b_scale / kappa
-        s = np.unique(np.concatenate([np.linspace(-reach, reach, 1001), law.kinks, tangents.ravel()]))
+        s = np.unique(
+            np.concatenate([np.linspace(-reach, reach, 1001), law.kinks, tangents.ravel()])
+        )
         j, below = law.j(s), hull.j(s)
         below = below + (j - below)[0]  # both are primitives; far out they are the same
         scale = np.max(np.abs(j))

@@ -1,4 +1,5 @@
-"""Newton's method on identified pieces: back to exact solutions, never to a worse point; derivatives at solutions."""
+"""Newton's method on identified pieces: back to exact solutions, never to a worse point;
+derivatives at solutions."""
 
 from dataclasses import replace
 
@@ -39,7 +40,9 @@ FALLING = cases.slip_weakening(1.0, 0.2, 0.4)
         (cases.slip_weakening(1.0, 0.5, 0.5), 1.01, 1.0, 0.25, 0.25),
     ],
 )
-def test_one_node(law: Laws, load: float, stiffness: float, start: float, slip: float, exact: bool) -> None:
+def test_one_node(
+    law: Laws, load: float, stiffness: float, start: float, slip: float, exact: bool
+) -> None:
     end = polished(one_node(law, load, stiffness), np.array([start]), exact=exact)
     assert end.v[0] == pytest.approx(slip, rel=4e-15, abs=1e-15)
     assert end.v[0] == law.kinks[0] or law is not STEP
@@ -49,7 +52,8 @@ def test_one_node(law: Laws, load: float, stiffness: float, start: float, slip: 
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("error", [1e-8, 1e-3])
 def test_perturbed_solutions_are_restored(smooth: bool, error: float) -> None:
-    """Perturbations relative to the kink spacing; every one must come back with the inclusion at rounding."""
+    """Perturbations relative to the kink spacing; every one must come back with the inclusion at
+    rounding."""
     for seed in range(8):
         rng = np.random.default_rng([seed, int(smooth), 5])
         problem = cases.random_problem(rng, 40, max_kinks=9, smooth=smooth)
@@ -60,7 +64,8 @@ def test_perturbed_solutions_are_restored(smooth: bool, error: float) -> None:
 
 
 def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:
-    """−u″ + b(u) = 0, u(0) = 0, u′(1) = strain, of m cells: a long bar that heat pushes out against friction 1e-3."""
+    """−u″ + b(u) = 0, u(0) = 0, u′(1) = strain, of m cells: a long bar that heat pushes out against
+    friction 1e-3."""
     h = 1.0 / m
     A = (2.0 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)) / h
     A[-1, -1] = 1.0 / h
@@ -87,7 +92,8 @@ def test_written_tolerance_is_met_or_refused() -> None:
 
 
 def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
-    """From a solution rounded to doubles; a body of condition 1e17 leaves refinement no factor to work with.
+    """From a solution rounded to doubles; a body of condition 1e17 leaves refinement no factor to
+    work with.
 
     That is said; a written tolerance refuses.
     """
@@ -107,12 +113,16 @@ def softening(tau_s: float = 1.0, tau_k: float = 0.4, delta: float = 0.5) -> Law
 
 
 def test_one_spring_in_closed_form() -> None:
-    """v + (1 − v/4) = l: v = (4/3)(l − 1), and with b = tau_s(1 − v/δ) v = (l − tau_s)/(1 − tau_s/δ)."""
+    """v + (1 − v/4) = l: v = (4/3)(l − 1), and with b = tau_s(1 − v/δ) v = (l − tau_s)/(1 −
+    tau_s/δ)."""
     problem = ContactProblem(np.eye(1), np.array([1.2]), np.ones(1), softening(1.0, 0.0, 4.0))
     v = solve_contact(problem).v
     at = Linearised.at(problem, v)
     assert at.step(np.ones(1)) == pytest.approx([4.0 / 3.0], rel=1e-14)
-    for name, exact in (("tau_s", (-0.75 + 0.2 / 4.0) / 0.75**2), ("delta", -0.2 / (0.75 * 4.0) ** 2)):
+    for name, exact in (
+        ("tau_s", (-0.75 + 0.2 / 4.0) / 0.75**2),
+        ("delta", -0.2 / (0.75 * 4.0) ** 2),
+    ):
         b = law_slopes(softening(1.0, 0.0, 4.0), name).value(v, at.piece)
         assert at.step(-b) == pytest.approx([exact], rel=1e-12)
     stiffer = at.step(-v)  # (E v)' at E = 1
@@ -138,5 +148,7 @@ def test_events_are_counted_and_folds_are_said() -> None:
     about_to_slide = ContactProblem(np.eye(1) * 3.0, np.array([1.0]), np.ones(1), law)
     assert Linearised.at(about_to_slide, np.zeros(1)).events == 1
     assert Linearised.at(replace(about_to_slide, l_tilde=np.array([0.9])), np.zeros(1)).events == 0
-    fold = ContactProblem(np.eye(1) * 1.2, np.array([1.0]), np.ones(1), law)  # b falls by 1.2 a length
+    fold = ContactProblem(
+        np.eye(1) * 1.2, np.array([1.0]), np.ones(1), law
+    )  # b falls by 1.2 a length
     assert Linearised.at(fold, np.array([0.2])).singular

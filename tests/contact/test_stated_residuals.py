@@ -1,4 +1,5 @@
-"""Two-double arithmetic, and what is stated of an inclusion residual, against exact rational arithmetic."""
+"""Two-double arithmetic, and what is stated of an inclusion residual, against exact rational
+arithmetic."""
 
 from decimal import Decimal, localcontext
 from fractions import Fraction
@@ -20,13 +21,17 @@ def random_problem(rng: np.random.Generator) -> ContactProblem:
     """One to eight nodes, one law of one to five points."""
     m, unit = int(rng.integers(1, 9)), 10.0 ** rng.uniform(-6.0, 6.0)
     A_tilde = unit * (
-        np.diag(10.0 ** rng.uniform(-4.0, 1.0, m)) if rng.random() < 0.3 else ill_conditioned(rng, m, 1e4)
+        np.diag(10.0 ** rng.uniform(-4.0, 1.0, m))
+        if rng.random() < 0.3
+        else ill_conditioned(rng, m, 1e4)
     )
     c = 10.0 ** rng.uniform(-2.0, 1.0, m)
     stiff = float(np.max(np.diagonal(A_tilde) / c))
     length, count = 10.0 ** rng.uniform(-3.0, 3.0), int(rng.integers(1, 6))
     s = np.sort(length * rng.choice(np.linspace(-1.0, 1.0, 9), count, replace=False)).tolist()
-    slopes = np.where(rng.random(count + 1) < 0.3, 0.0, stiff * 10.0 ** rng.uniform(-12.0, 12.0, count + 1))
+    slopes = np.where(
+        rng.random(count + 1) < 0.3, 0.0, stiff * 10.0 ** rng.uniform(-12.0, 12.0, count + 1)
+    )
     b = np.cumsum([0.0, *(slopes[1:count] * np.diff(s))])
     b -= rng.choice(b) if rng.random() < 0.7 else stiff * length * rng.normal()
     points = [(at, float(value)) for at, value in zip(s, b, strict=True)]
@@ -39,10 +44,18 @@ def random_problem(rng: np.random.Generator) -> ContactProblem:
 
 def exact_residual(problem: ContactProblem, v: Array, v_low: Array) -> float:
     """The inclusion residual of v + v_low in rational arithmetic."""
-    law, whole, worst = problem.law.single(0), [Fraction(x) + Fraction(y) for x, y in zip(v, v_low, strict=True)], 0
+    law, whole, worst = (
+        problem.law.single(0),
+        [Fraction(x) + Fraction(y) for x, y in zip(v, v_low, strict=True)],
+        0,
+    )
     kinks, forces = [Fraction(s) for s in law.kinks], []
-    for row, load, length, s in zip(problem.A_tilde, problem.l_tilde, problem.c, whole, strict=True):
-        traction = (Fraction(load) - sum(Fraction(a) * x for a, x in zip(row, whole, strict=True))) / Fraction(length)
+    for row, load, length, s in zip(
+        problem.A_tilde, problem.l_tilde, problem.c, whole, strict=True
+    ):
+        traction = (
+            Fraction(load) - sum(Fraction(a) * x for a, x in zip(row, whole, strict=True))
+        ) / Fraction(length)
         forces.append(max(abs(traction), abs(Fraction(load) / Fraction(length))))
         first = sum(s > kink for kink in kinks)
         sides = [_value(law, k, s) for k in {first, first + (s in kinks)}]
@@ -66,8 +79,12 @@ def test_sums_and_products_are_free_of_error() -> None:
 
 
 def test_no_residual_is_understated() -> None:
-    """Slopes 1e-12 to 1e12 times the stiffness of a node; loads, lengths and units that fit one another or clash."""
-    for seed in (*range(10), *range(11, 19)):  # 10 and 19 take three quarters of the time and are as 13 and 6
+    """Slopes 1e-12 to 1e12 times the stiffness of a node; loads, lengths and units that fit one
+    another or clash."""
+    for seed in (
+        *range(10),
+        *range(11, 19),
+    ):  # 10 and 19 take three quarters of the time and are as 13 and 6
         problem = random_problem(np.random.default_rng(seed))
         answer = solve_contact(problem)
         exact = exact_residual(problem, answer.v, answer.v_low)
@@ -84,5 +101,7 @@ def test_exponentials_state_their_rounding() -> None:
         context.prec = 50
         for s, load, given, slack in zip(v, xi, found, error, strict=True):
             apart = Decimal(s) + Decimal(1e-18 * s) - Decimal(s_0)
-            exact = Decimal(length) * (Decimal(b_0) + Decimal(a) * (-Decimal(r) * apart).exp()) - Decimal(load)
+            exact = Decimal(length) * (
+                Decimal(b_0) + Decimal(a) * (-Decimal(r) * apart).exp()
+            ) - Decimal(load)
             assert abs(Decimal(given) - exact) <= Decimal(slack + 1e-16 * abs(given))

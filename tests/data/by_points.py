@@ -40,15 +40,23 @@ def one_by_one(block: BlockRecord) -> Iterator[PointRecord]:
         known = block.u_T is not None and not np.isnan(block.u_T[row]).any()
         u_T, xi, sticks = (NONE if values is None or not known else values[row] for values in line)
         numbers = {name: values[row] for name, values in block.numbers.items()}
-        fields = {name: values[row] for name, values in block.fields.items() if not np.isnan(values[row]).all()}
+        fields = {
+            name: values[row]
+            for name, values in block.fields.items()
+            if not np.isnan(values[row]).all()
+        }
         status = PointStatus(int(block.status[row]))
         reason = block.reasons.get(row, "")
-        yield PointRecord(block.index(row), block.level, status, reason, numbers, u_T, xi, fields, sticks)
+        yield PointRecord(
+            block.index(row), block.level, status, reason, numbers, u_T, xi, fields, sticks
+        )
 
 
 def block_of(point: PointRecord, shape: tuple[int, ...]) -> BlockRecord:
     """A point as the block of its place; shape: extent of the sweep."""
-    u_T, xi, sticks = (values[None] if len(values) else None for values in (point.u_T, point.xi, point.sticks))
+    u_T, xi, sticks = (
+        values[None] if len(values) else None for values in (point.u_T, point.xi, point.sticks)
+    )
     place = np.array([np.ravel_multi_index(point.index, shape) if shape else 0], dtype=np.intp)
     reasons = {0: point.reason} if point.reason else {}
     return BlockRecord(
@@ -69,6 +77,8 @@ def write(
     attributes: Mapping[str, Any] | None = None,
 ) -> tuple[int, int]:
     """`store.write` of blocks and points."""
-    blocks = [block_of(one, study.shape) if isinstance(one, PointRecord) else one for one in records]
+    blocks = [
+        block_of(one, study.shape) if isinstance(one, PointRecord) else one for one in records
+    ]
     told = attributes or collect(study, ["tcstudy", "run", "study.yaml"])
     return store.write(path, store.Results(study, lambda: levels, lambda: blocks, told))

@@ -18,7 +18,11 @@ NODES = (3, 6)
 ALPHA = Axis("alpha", ("heat", "alpha"), (25, 100), (25.0, 100.0), "W m-2 K-1")
 THETA_BAR = Axis("theta_bar", ("heat", "theta_bar"), (0, 20, 40), (0.0, 20.0, 40.0), "K")
 FRICTION = Axis("friction", ("friction",), ({}, {}), ("tresca", "slip weakening"), "1")
-NUMBERS = sorted(v.name for v in schema.ROOT if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason"))
+NUMBERS = sorted(
+    v.name
+    for v in schema.ROOT
+    if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason")
+)
 
 
 def make_study(**other: Any) -> Study:
@@ -31,27 +35,46 @@ def make_study(**other: Any) -> Study:
 def make_level(level: int, fields: bool = False) -> LevelRecord:
     m = NODES[level]
     s = np.linspace(0.0, 1.0, m)
-    corners = {"node_x": np.array([0.0, 1.0, 1.0, 0.0]), "node_y": np.array([0.0, 0.0, 1.0, 1.0]) + level}
+    corners = {
+        "node_x": np.array([0.0, 1.0, 1.0, 0.0]),
+        "node_y": np.array([0.0, 0.0, 1.0, 1.0]) + level,
+    }
     mesh = {**corners, "triangle": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)}
-    line = (s, s + 1.0, 0.0 * s - 2.0, np.full(m, 1.0 / m), np.array([0] * (m - 1) + [1], dtype=np.int8))
+    line = (
+        s,
+        s + 1.0,
+        0.0 * s - 2.0,
+        np.full(m, 1.0 / m),
+        np.array([0] * (m - 1) + [1], dtype=np.int8),
+    )
     sizes = (level, 0.1 / 2**level, 40 * 4**level, m)
-    return LevelRecord(*sizes, *line, ("film", "pad_2"), 0.25 + level, 0.5 + level, mesh if fields else {})
+    return LevelRecord(
+        *sizes, *line, ("film", "pad_2"), 0.25 + level, 0.5 + level, mesh if fields else {}
+    )
 
 
 def make_block(
     level: int, *places: int, shape: tuple[int, ...] = (2, 3, 2), fields: bool = False, **other: Any
 ) -> BlockRecord:
-    """The points at these places, or all; every number is different, and not exact in single precision."""
+    """The points at these places, or all; every number is different, and not exact in single
+    precision."""
     points = np.array(places or range(math.prod(shape)), dtype=np.intp)
     seed = points + 1000.0 * level + 0.1
     types = {v.name: (v.dtype, v.dims[-1] == "start") for v in schema.ROOT}
     numbers = {}
     for k, name in enumerate(NUMBERS):
         dtype, by_start = types[name]
-        own = {"f8": seed + k / 64.0, "i4": np.floor(seed) + k, "i1": (np.floor(seed) + k) % 2}[dtype]
-        numbers[name] = own[:, None] + 0.25 * np.arange(len(schema.START_NAMES)) if by_start else own
+        own = {"f8": seed + k / 64.0, "i4": np.floor(seed) + k, "i1": (np.floor(seed) + k) % 2}[
+            dtype
+        ]
+        numbers[name] = (
+            own[:, None] + 0.25 * np.arange(len(schema.START_NAMES)) if by_start else own
+        )
     nodes = np.arange(NODES[level])
-    bodies = {name: seed[:, None] + np.arange(4.0) * (k + 1) for k, name in enumerate(("theta", "u_x", "u_y"))}
+    bodies = {
+        name: seed[:, None] + np.arange(4.0) * (k + 1)
+        for k, name in enumerate(("theta", "u_x", "u_y"))
+    }
     status = np.full(len(points), PointStatus.OK, dtype=np.int8)
     block = BlockRecord(
         *(level, shape, points, status, {}, numbers),

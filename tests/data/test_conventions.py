@@ -1,4 +1,5 @@
-"""Files of all kinds keep the conventions that other programs read them by (CF-1.11): by the compliance checker."""
+"""Files of all kinds keep the conventions that other programs read them by (CF-1.11): by the
+compliance checker."""
 
 import re
 from collections.abc import Callable
@@ -21,10 +22,15 @@ from tests.data.by_points import write
 from tests.data.conftest import ALPHA, FRICTION, make_block, make_level, make_study
 from tests.verification.scenes import RECTANGLE
 
-STUMBLES = {"check_coordinate_variables_strict_monotonicity", "check_invalid_same_named_dimension_across_groups"}
-"""Where the checker itself stumbles, over text coordinates and groups; these are no findings about the file."""
+STUMBLES = {
+    "check_coordinate_variables_strict_monotonicity",
+    "check_invalid_same_named_dimension_across_groups",
+}
+"""Where the checker itself stumbles, over text coordinates and groups; these are no findings about
+the file."""
 FEW = ("theta_L2", "u_energy", "u_T_max", "xi_L2", "energy", "status")
-"""A measure of every kind of units: the checker's time grows with the square of the number of variables."""
+"""A measure of every kind of units: the checker's time grows with the square of the number of
+variables."""
 
 
 @pytest.fixture
@@ -43,8 +49,15 @@ def checked(file: Path) -> str:
     runner: Any = pytest.importorskip("compliance_checker.runner")
     runner.CheckSuite.load_all_available_checkers()
     report = file.with_name("report.txt")
-    options = {"checker_names": ["cf:1.11"], "verbose": 0, "criteria": "strict", "output_format": "text"}
-    passed, _ = runner.ComplianceChecker.run_checker(ds_loc=str(file), output_filename=str(report), **options)
+    options = {
+        "checker_names": ["cf:1.11"],
+        "verbose": 0,
+        "criteria": "strict",
+        "output_format": "text",
+    }
+    passed, _ = runner.ComplianceChecker.run_checker(
+        ds_loc=str(file), output_filename=str(report), **options
+    )
     text = report.read_text()
     stumbled = set(re.findall(r"cf:1\.11\.(\w+)", text)) - STUMBLES
     return "" if passed and "All tests passed!" in text and not stumbled else text
@@ -53,7 +66,9 @@ def checked(file: Path) -> str:
 def ran(config: str, *changes: str) -> Callable[[Path], object]:
     """Make the file of a study that is shipped."""
     given = [word for change in changes for word in ("--set", change)]
-    return lambda file: tcstudy_command("run", CONFIGS / f"{config}.yaml", *given, "-o", file, "-q", code=0)
+    return lambda file: tcstudy_command(
+        "run", CONFIGS / f"{config}.yaml", *given, "-o", file, "-q", code=0
+    )
 
 
 def swept(**kind: Any) -> Callable[[Path], None]:
@@ -72,12 +87,16 @@ def convergence(file: Path) -> None:
     laws = "{weak: {law: tresca, tau: 1}, strong: {law: tresca, tau: 2}}"
     text = RECTANGLE.replace("units: none", "institution: nobody").replace("free", "convection")
     heat = "material.k=10", "material.alpha_T=1e-5", "heat={alpha: 10}"
-    study = read_study_text(text, "s", [*heat, f"sweep={{theta_bar: [10 K, 20 K], friction: {laws}}}"])
+    study = read_study_text(
+        text, "s", [*heat, f"sweep={{theta_bar: [10 K, 20 K], friction: {laws}}}"]
+    )
     h, ones = 0.5 ** np.arange(3), np.ones(3, dtype=np.int32)
     table = [v for v in convergence_table(study) if "*" in v.dims and v.name.endswith(FEW)]
     point = {v.name: h if "level" in v.dims else "smooth" if v.dtype == "str" else 1 for v in table}
     meshes = {"h_max": h, "n_dof": ones, "n_contact": ones, "compared": ones}
-    record = convergence_record(study, [meshes | point] * len(study.scenes), "the exact solution", ["Mind it."])
+    record = convergence_record(
+        study, [meshes | point] * len(study.scenes), "the exact solution", ["Mind it."]
+    )
     write_record(file, study, record, collect(study, ("tcstudy", "converge")))
 
 
@@ -95,7 +114,9 @@ CASES = {
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("kind", CASES)
-def test_compliance_checker_finds_no_fault(kind: str, faults: Callable[[Path], str], tmp_path: Path) -> None:
+def test_compliance_checker_finds_no_fault(
+    kind: str, faults: Callable[[Path], str], tmp_path: Path
+) -> None:
     CASES[kind](tmp_path / "out.nc")
     assert not faults(tmp_path / "out.nc")
 
@@ -106,5 +127,7 @@ def test_the_checker_would_find_a_fault(faults: Callable[[Path], str], tmp_path:
     with netCDF4.Dataset(broken, "w") as nc:
         nc.setncattr("Conventions", "CF-1.11")
         nc.createDimension("level", 3)
-        nc.createVariable("error", "f8", ("level",)).setncatts({"units": "m", "standard_name": "no_such_name"})
+        nc.createVariable("error", "f8", ("level",)).setncatts(
+            {"units": "m", "standard_name": "no_such_name"}
+        )
     assert "§3.3 Standard Name" in faults(broken)

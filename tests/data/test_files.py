@@ -24,7 +24,11 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 @pytest.mark.parametrize("step", ["fsync", "replace", "records"])
 def test_a_full_disk_or_an_interrupt_leaves_the_old_file(
-    written: Path, study: Study, levels: tuple[LevelRecord, ...], step: str, monkeypatch: pytest.MonkeyPatch
+    written: Path,
+    study: Study,
+    levels: tuple[LevelRecord, ...],
+    step: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before = written.read_bytes()
 
@@ -38,7 +42,11 @@ def test_a_full_disk_or_an_interrupt_leaves_the_old_file(
 
     if step != "records":
         monkeypatch.setattr(os, step, fail)
-    kind, said = (KeyboardInterrupt, None) if step == "records" else (StoreError, "No space left.*Free some space")
+    kind, said = (
+        (KeyboardInterrupt, None)
+        if step == "records"
+        else (StoreError, "No space left.*Free some space")
+    )
     with pytest.raises(kind, match=said):
         store.write(written, store.Results(study, lambda: levels, records))
     assert written.read_bytes() == before
@@ -62,7 +70,9 @@ except StoreError as error:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="file size limits are a matter of POSIX")
 @pytest.mark.parametrize("limit", [1, 20_000])
-def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(written: Path, limit: int) -> None:
+def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(
+    written: Path, limit: int
+) -> None:
     before = written.read_bytes()
     assert len(before) > limit
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -89,7 +99,12 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
     assert check_writable(output, 1000) == []
     assert os.listdir(tmp_path) == []
     (tmp_path / "file").touch()
-    names = {"": "is a directory", "file/deep/study.nc": "is a file", "a\0b": "null", "b\udcff.nc": "utf-8"}
+    names = {
+        "": "is a directory",
+        "file/deep/study.nc": "is a file",
+        "a\0b": "null",
+        "b\udcff.nc": "utf-8",
+    }
     for name, part in {**names, "x" * 245 + ".nc": "has a part of 248 bytes"}.items():
         [problem] = check_writable(tmp_path / name, 1)
         assert part in problem
@@ -103,15 +118,24 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
 def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written: Path) -> None:
     (tmp_path / "run.nc.partial").touch()
     (tmp_path / "short.nc").write_bytes(written.read_bytes()[:-1000])
-    with netCDF4.Dataset(tmp_path / "midway.nc", "w") as nc:  # what a dead writer leaves opens without an error
+    with netCDF4.Dataset(
+        tmp_path / "midway.nc", "w"
+    ) as nc:  # what a dead writer leaves opens without an error
         nc.title = "midway"
-    told = {"none": "there is no file", "run": "has not finished.*resume", "short": "cut short", "midway": "unfinished"}
+    told = {
+        "none": "there is no file",
+        "run": "has not finished.*resume",
+        "short": "cut short",
+        "midway": "unfinished",
+    }
     for name, why in told.items():
         with pytest.raises(StoreError, match=why):
             open_results(tmp_path / f"{name}.nc")
 
 
-def test_what_killed_writers_left_goes_and_what_others_write_stays(output: Path, study: Study) -> None:
+def test_what_killed_writers_left_goes_and_what_others_write_stays(
+    output: Path, study: Study
+) -> None:
     host = files.aside_of(output).name.split(".")[-2].partition("-")[0]
     output.parent.mkdir()
     dead, at_work = f".{output.name}.{host}-7.tmp", f".{output.name}.00000000-7.tmp"

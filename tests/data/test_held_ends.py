@@ -1,4 +1,5 @@
-"""The held ends of the contact line in a file: what clamped edges prescribe there, against the solved body."""
+"""The held ends of the contact line in a file: what clamped edges prescribe there, against the
+solved body."""
 
 from pathlib import Path
 from typing import Any
@@ -37,12 +38,17 @@ CORNERS = [((0.0, 0.0), RIGHT), ((2.0, 0.0), RIGHT), ((2.0, 0.0), UP)]
         ([f"body={{outline: {ARC}}}", ROUND], [((0.0, 0.0), STEEP)]),
     ],
 )
-def test_their_slip_is_that_of_the_body(tmp_path: Path, changes: list[str], ends: list[tuple[Any, Any]]) -> None:
-    """u_T of the file is t·u of the solved body there, t along the exact edge in the direction of the line."""
+def test_their_slip_is_that_of_the_body(
+    tmp_path: Path, changes: list[str], ends: list[tuple[Any, Any]]
+) -> None:
+    """u_T of the file is t·u of the solved body there, t along the exact edge in the direction of
+    the line."""
     tree = tcstudy.run(read_study_text(TEXT, "s", changes), tmp_path / "out.nc")
     for level in ("level_0", "level_1"):
         data = {name: one.values for name, one in tree[level].variables.items()}
-        assert np.allclose(np.column_stack([data["held_x"], data["held_y"]]), [at for at, _ in ends])
+        assert np.allclose(
+            np.column_stack([data["held_x"], data["held_y"]]), [at for at, _ in ends]
+        )
         for k, ((x, y), t) in enumerate(ends):
             node = int(np.argmin(np.hypot(data["node_x"] - x, data["node_y"] - y)))
             slip = (t[0] * data["u_x"][node] + t[1] * data["u_y"][node]) / np.hypot(*t)

@@ -1,4 +1,5 @@
-"""The journal: what was committed survives whatever happens; what is damaged or another's is set aside."""
+"""The journal: what was committed survives whatever happens; what is damaged or another's is set
+aside."""
 
 import contextlib
 import os
@@ -24,7 +25,9 @@ from tcstudy.scene.study import Study
 from tests.data.conftest import failed, make_block, make_level
 
 pytestmark = pytest.mark.filterwarnings("error")
-posix = pytest.mark.skipif(os.name == "nt", reason="kill -9 and file size limits are a matter of POSIX")
+posix = pytest.mark.skipif(
+    os.name == "nt", reason="kill -9 and file size limits are a matter of POSIX"
+)
 Record = BlockRecord | LevelRecord
 
 
@@ -69,7 +72,9 @@ def test_records_come_back_exactly_the_last_of_a_place(output: Path, study: Stud
     with Journal.open(output, study) as journal:
         assert journal.warnings == []
         levels = [make_level(n, fields=True) for n in range(2)]
-        for record, again in zip((*levels, *blocks), (*journal.levels(), *journal.blocks()), strict=True):
+        for record, again in zip(
+            (*levels, *blocks), (*journal.levels(), *journal.blocks()), strict=True
+        ):
             assert_same(record, again)
 
 
@@ -115,7 +120,9 @@ def start(output: Path) -> Iterator[Callable[[str], subprocess.Popen[str]]]:
     def _start(mode: str) -> subprocess.Popen[str]:
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
         command = [sys.executable, "-c", _CHILD, str(output), mode]
-        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment))
+        started.append(
+            subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        )
         return started[-1]
 
     yield _start
@@ -154,7 +161,11 @@ def test_a_second_run_is_refused_until_the_first_dies_whose_points_stay(
     assert process.stdout.readline() == "added\n"
     alias = tmp_path / "alias"
     alias.symlink_to(output.parent)
-    for name, candidate in ((output, study), (output, replace(study, text="other")), (alias / output.name, study)):
+    for name, candidate in (
+        (output, study),
+        (output, replace(study, text="other")),
+        (alias / output.name, study),
+    ):
         with pytest.raises(StoreError, match="another run is writing to the same output"):
             Journal.open(name, candidate)
     assert not any(".old" in name for name in os.listdir(output.parent))
@@ -185,7 +196,11 @@ def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study
 
 @pytest.mark.parametrize(
     ("change", "why"),
-    [({"text": ""}, "another study"), ({"overrides": ("mesh.levels=3",)}, "other overrides"), ({}, "another version")],
+    [
+        ({"text": ""}, "another study"),
+        ({"overrides": ("mesh.levels=3",)}, "other overrides"),
+        ({}, "another version"),
+    ],
 )
 def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
     output: Path, study: Study, change: dict[str, Any], why: str, monkeypatch: pytest.MonkeyPatch
@@ -200,11 +215,15 @@ def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
             assert [why in one and ".partial.old" in one for one in journal.warnings] == [True]
     for place, name in enumerate(("study.nc.partial.old", "study.nc.partial.old2")):
         with contextlib.closing(sqlite3.connect(output.parent / name)) as kept:
-            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(place,)]
+            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [
+                (place,)
+            ]
 
 
 @pytest.mark.parametrize("size", [0, 1, 100, 600, 4096, 9000, -5000])
-def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: Study, size: int) -> None:
+def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
+    output: Path, study: Study, size: int
+) -> None:
     fill(output, study, long(0, m=1000), long(1, m=1000))
     torn = partial(output).read_bytes()[:size]
     partial(output).write_bytes(torn)
@@ -219,7 +238,8 @@ def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: 
 
 
 def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> None:
-    """A damaged byte is either without effect on the records, or noticed; never a wrong number, never a crash."""
+    """A damaged byte is either without effect on the records, or noticed; never a wrong number,
+    never a crash."""
     blocks = [long(place, m=300) for place in range(2)]
     fill(output, study, *blocks)
     data = partial(output).read_bytes()

@@ -50,7 +50,11 @@ def test_commit_of_the_checkout_that_holds_the_study(
     empty = tmp_path / "empty"
     empty.mkdir()
     git(empty, "init", "--quiet")  # no commit yet
-    assert {git_commit(None), git_commit(tmp_path / "study.yaml"), git_commit(empty / "study.yaml")} == {"unknown"}
+    assert {
+        git_commit(None),
+        git_commit(tmp_path / "study.yaml"),
+        git_commit(empty / "study.yaml"),
+    } == {"unknown"}
     monkeypatch.setenv("PATH", str(empty))
     assert git_commit(checkout) == "unknown"
 
@@ -59,7 +63,9 @@ def test_checksum_changes_with_the_geometry_file(study: Study, tmp_path: Path) -
     step = tmp_path / "body.step"
     law = Laws("none", *(np.zeros(n) for n in (0, 1, 1, 1, 1, 1)))
     body = Body(outline=None, brep=BrepFace(step, 0, 1.0, (), None))
-    scene = Scene(body, (), Material(1.0, 1.0, 0.0, None, 1.0, 0.0, "strain"), (0.0, 0.0), Heat(), law)
+    scene = Scene(
+        body, (), Material(1.0, 1.0, 0.0, None, 1.0, 0.0, "strain"), (0.0, 0.0), Heat(), law
+    )
     found = {study_sha256(replace(study, scenes=(scene, scene)))}
     for content in ("a", "b"):
         step.write_text(content)

@@ -11,7 +11,16 @@ import pytest
 import xarray
 
 from tcstudy.data import files as provenance_module
-from tcstudy.data.files import StoreError, attributes, change_of, check_writable, holds, is_foreign, reading, seal_of
+from tcstudy.data.files import (
+    StoreError,
+    attributes,
+    change_of,
+    check_writable,
+    holds,
+    is_foreign,
+    reading,
+    seal_of,
+)
 from tcstudy.data.reading import open_results
 from tcstudy.scene.study import Study
 from tcstudy.study.append import stored_study
@@ -47,10 +56,15 @@ def test_a_changed_file_is_read_but_nothing_goes_on_from_it(written: Path, study
     assert seal_of(written) is None
     assert attributes(written)["title"] == "edited"
     assert not is_foreign(written)
-    with pytest.raises(StoreError, match=r"was changed after tcstudy wrote it.*KeyError"), reading(written):
+    with (
+        pytest.raises(StoreError, match=r"was changed after tcstudy wrote it.*KeyError"),
+        reading(written),
+    ):
         raise KeyError("omega")
     for going_on in (lambda: holds(written, "run", study), lambda: stored_study(written)):
-        with pytest.raises(StoreError, match="was changed since tcstudy wrote it, and nothing goes on from such a"):
+        with pytest.raises(
+            StoreError, match="was changed since tcstudy wrote it, and nothing goes on from such a"
+        ):
             going_on()
 
 
@@ -72,7 +86,12 @@ def test_what_is_no_file_is_no_output(tmp_path: Path, study: Study) -> None:
     (tmp_path / "circle").symlink_to(tmp_path / "circle")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(os.path.relpath(tmp_path / "socket"))
-    for name, what in (("pipe", "a pipe"), ("link", "a pipe"), ("socket", "a socket"), ("circle", "oo many levels")):
+    for name, what in (
+        ("pipe", "a pipe"),
+        ("link", "a pipe"),
+        ("socket", "a socket"),
+        ("circle", "oo many levels"),
+    ):
         assert what in check_writable(tmp_path / name, 0)[0]
     assert "is a device, no file" in check_writable(Path(os.devnull), 0)[0]
     with pytest.raises(StoreError, match="is no file but a device or a pipe"):
@@ -85,11 +104,18 @@ def test_a_file_holds_one_study_of_one_program(
     assert holds(written, "run", study)
     assert not holds(tmp_path / "none.nc", "run", study)
     for kind, one, asked, what in (
-        ("run", replace(study, overrides=()), {}, "another study, or of this one with other values"),
+        (
+            "run",
+            replace(study, overrides=()),
+            {},
+            "another study, or of this one with other values",
+        ),
         ("path", study, {}, r"another command \(run\)"),
         ("run", study, {"runs": 3}, "another --at"),
     ):
-        with pytest.raises(StoreError, match=f"holds .*{what}.*; give another --output, or --force"):
+        with pytest.raises(
+            StoreError, match=f"holds .*{what}.*; give another --output, or --force"
+        ):
             holds(written, kind, one, **asked)  # type: ignore[arg-type]
     with monkeypatch.context() as patch:
         patch.setattr(provenance_module, "program", lambda: "edited")

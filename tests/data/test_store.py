@@ -1,4 +1,5 @@
-"""The result file: what is written comes back, in the order of its sweep, whatever the passes of the writer."""
+"""The result file: what is written comes back, in the order of its sweep, whatever the passes of
+the writer."""
 
 import math
 from collections.abc import Iterator
@@ -32,23 +33,41 @@ def assert_held(file: Path, *blocks: BlockRecord) -> None:
         for block in blocks:
             place, line = np.unravel_index(block.points, block.shape), tree[f"level_{block.level}"]
             for name, values in block.numbers.items():
-                np.testing.assert_array_equal(tree[name].values[(*place, block.level)], values, name)
-            np.testing.assert_array_equal(tree["status"].values[(*place, block.level)], block.status)
-            for name, values in {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks, **block.fields}.items():
+                np.testing.assert_array_equal(
+                    tree[name].values[(*place, block.level)], values, name
+                )
+            np.testing.assert_array_equal(
+                tree["status"].values[(*place, block.level)], block.status
+            )
+            for name, values in {
+                "u_T": block.u_T,
+                "xi": block.xi,
+                "sticks": block.sticks,
+                **block.fields,
+            }.items():
                 np.testing.assert_array_equal(line[name].values[place], values, name)
 
 
-def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(output: Path, study: Study) -> None:
+def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(
+    output: Path, study: Study
+) -> None:
     levels = [make_level(n, fields=True) for n in range(2)]
     blocks = [make_block(0, fields=True), make_block(1, *range(11), fields=True)]
     write(output, study, levels, blocks)
     assert_held(output, *blocks)
     with open_results(output) as tree:
         here = tree.to_dataset().isel(dict(zip(tree["status"].dims, (1, 2, 1, 1), strict=True)))
-        assert (here["status"], here["reason"], here["iterations"]) == (PointStatus.NOT_RUN, "not run", -1)
+        assert (here["status"], here["reason"], here["iterations"]) == (
+            PointStatus.NOT_RUN,
+            "not run",
+            -1,
+        )
         assert here["iterations"].dtype == np.int32
         group = tree["level_1"]
-        assert all(np.isnan([*here["energy"].values.ravel(), *group[n].values[1, 2, 1]]).all() for n in ("u_T", "u_x"))
+        assert all(
+            np.isnan([*here["energy"].values.ravel(), *group[n].values[1, 2, 1]]).all()
+            for n in ("u_T", "u_x")
+        )
         assert (group["sticks"].values[1, 2, 1] == schema.UNKNOWN).all()
         assert group["sticks"].dtype == np.int8
         assert int((tree["status"] == PointStatus.NOT_RUN).sum()) == 1
@@ -58,8 +77,14 @@ def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(ou
         assert group["theta"].attrs["mesh"] == "mesh"
     with netCDF4.Dataset(output) as nc:  # netCDF4 masks by valid_min
         assert nc["iterations"][...].mask.sum() == 1
-        filled = {name: "_FillValue" in nc[name].ncattrs() for name in ("energy", "iterations", "unique")}
-        assert filled == {"energy": True, "iterations": False, "unique": False}  # filled integers are read as floats
+        filled = {
+            name: "_FillValue" in nc[name].ncattrs() for name in ("energy", "iterations", "unique")
+        }
+        assert filled == {
+            "energy": True,
+            "iterations": False,
+            "unique": False,
+        }  # filled integers are read as floats
 
 
 def test_names_of_axes_that_collide_are_refused(output: Path, study: Study) -> None:
@@ -86,7 +111,9 @@ def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
 
 def test_expected_bytes_is_close_to_the_file(written: Path, study: Study, levels: Levels) -> None:
     def expected(*levels: LevelRecord) -> int:
-        return schema.expected_bytes(study, [(one.n_contact, len(one.fields.get("node_x", ()))) for one in levels])
+        return schema.expected_bytes(
+            study, [(one.n_contact, len(one.fields.get("node_x", ()))) for one in levels]
+        )
 
     size = written.stat().st_size
     assert size <= expected(*levels) <= 2 * size
@@ -94,13 +121,20 @@ def test_expected_bytes_is_close_to_the_file(written: Path, study: Study, levels
     line = {name: np.linspace(0, 1, n) for name in ("arclength", "x", "y", "c")}
     long = replace(levels[0], n_contact=n, edge=np.zeros(n, np.int8), **line)
     rows = {name: rng.random((12, n)) for name in ("u_T", "xi")}
-    write(written, study, [long, levels[1]], [make_block(0, **rows, sticks=rng.integers(0, 2, (12, n), dtype=np.int8))])
+    write(
+        written,
+        study,
+        [long, levels[1]],
+        [make_block(0, **rows, sticks=rng.integers(0, 2, (12, n), dtype=np.int8))],
+    )
     assert expected(long, levels[1]) == pytest.approx(written.stat().st_size, rel=0.25)
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 5), (4, 1, 6), (2, 3, 4, 5), (1000,)])
 @pytest.mark.parametrize("points", [1, 2, 7, 20, 10_000])
-def test_tiles_follow_one_another_and_cover_the_sweep_once(shape: tuple[int, ...], points: int) -> None:
+def test_tiles_follow_one_another_and_cover_the_sweep_once(
+    shape: tuple[int, ...], points: int
+) -> None:
     places = np.arange(math.prod(shape)).reshape(shape)
     tile = tile_shape(shape, points)
     assert math.prod(tile) <= points
@@ -114,18 +148,32 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
     output: Path, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """15,000 points, blocks a stride apart, in no order, with every tenth failed."""
-    axes = [Axis(n, ("heat", n), (*range(x),), (*range(x),), "1") for n, x in (("a", 20), ("b", 30), ("d", 25))]
+    axes = [
+        Axis(n, ("heat", n), (*range(x),), (*range(x),), "1")
+        for n, x in (("a", 20), ("b", 30), ("d", 25))
+    ]
     study, rng = make_study(axes=tuple(axes), mesh=MeshPlan((0.1,), 1)), np.random.default_rng(3)
-    order, starts = np.arange(15_000).reshape(study.shape).transpose(2, 0, 1).ravel(), np.arange(len(START_NAMES)) % 3
+    order, starts = (
+        np.arange(15_000).reshape(study.shape).transpose(2, 0, 1).ravel(),
+        np.arange(len(START_NAMES)) % 3,
+    )
     blocks = []
     for points in rng.permutation(np.array_split(order, 40)):
         failed = points % 10 == 0
         status = np.where(failed, PointStatus.NOT_CONVERGED, PointStatus.OK).astype(np.int8)
-        reasons = {int(row): f"point {points[row]}" for row in np.flatnonzero(failed) if points[row] < 1000}
+        reasons = {
+            int(row): f"point {points[row]}" for row in np.flatnonzero(failed) if points[row] < 1000
+        }
         line = np.where(failed, np.nan, points.astype(float))[:, None] + np.arange(3.0)
-        numbers = {"energy": points / 7.0, "iterations": points % 13 + 0.0, "start_energy": line[:, starts]}
+        numbers = {
+            "energy": points / 7.0,
+            "iterations": points % 13 + 0.0,
+            "start_energy": line[:, starts],
+        }
         sticks = np.where(failed[:, None], -1, line > 5.0).astype(np.int8)
-        blocks.append(BlockRecord(0, study.shape, points, status, reasons, numbers, line, -line, sticks))
+        blocks.append(
+            BlockRecord(0, study.shape, points, status, reasons, numbers, line, -line, sticks)
+        )
     passes = 0
 
     def again() -> Iterator[BlockRecord]:
@@ -135,7 +183,9 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
 
     monkeypatch.setattr(store, "MEMORY", memory)
     monkeypatch.setattr(store, "CHUNK", 2**15)
-    store.write(output, store.Results(study, lambda: [make_level(0)], again, collect(study, ["tcstudy"])))
+    store.write(
+        output, store.Results(study, lambda: [make_level(0)], again, collect(study, ["tcstudy"]))
+    )
     assert not list(output.parent.glob(".*.tmp"))
     assert passes > 10 if memory < 2**26 else passes == 1
     assert_held(output, *blocks)
@@ -148,7 +198,8 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
 
 
 def test_axes_ascend_or_fall_and_points_are_found_by_their_labels() -> None:
-    """CF wants monotonic coordinates: values that go up and down are sorted, falling ones and texts stay."""
+    """CF wants monotonic coordinates: values that go up and down are sorted, falling ones and texts
+    stay."""
     study = study_of(RECTANGLE, "sweep={tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2], mode: grid}")
     assert [axis.labels for axis in study.axes] == [(0.01, 0.02, 0.03), (0.3, 0.2)]
     points = sweep_points(study)

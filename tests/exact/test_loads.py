@@ -1,4 +1,5 @@
-"""`exact.loads: derived`: what the scenes get, and every study that it cannot be right for, with its place."""
+"""`exact.loads: derived`: what the scenes get, and every study that it cannot be right for, with
+its place."""
 
 from contextlib import nullcontext
 from typing import Any
@@ -48,7 +49,9 @@ def test_what_vanishes_is_the_number_zero() -> None:
     assert (scene.heat.q, scene.heat.theta_bar) == (0.0, 1.0)
     assert roles["right"].g[0] == 0.0
     np.testing.assert_allclose(at(roles["right"].g[1], 1.0, Y), 0.22, rtol=1e-13)
-    known, _ = boundary_of(("convection", "traction"), ("heat: {alpha: 3}\n", ""))  # nothing convects: θ is known
+    known, _ = boundary_of(
+        ("convection", "traction"), ("heat: {alpha: 3}\n", "")
+    )  # nothing convects: θ is known
     assert str(known.heat.theta) == "1 + x*(1 + 0.5*cos(pi*y))"
 
 
@@ -76,21 +79,76 @@ FAULTS = [
     ("loads: derived", "loads: derivd", "11:10: exact.loads", "must be one of given, derived"),
     ("heat: {alpha: 3}", "heat: {alpha: 3}\nloads: {f: [0, 1]}", "6:9: loads.f", "is given, but"),
     ("heat: {alpha: 3}", "heat: {alpha: 3, theta_bar: 1}", "5:18: heat.theta_bar", "is given, but"),
-    ("top: clamped", "top: {role: clamped, u: [0, free]}", "3:73: boundary.top.u[0]", "is given, but"),
-    ("right: convection", "right: {role: convection, g: [1, 2]}", "3:55: boundary.right.g", "is given, but"),
+    (
+        "top: clamped",
+        "top: {role: clamped, u: [0, free]}",
+        "3:73: boundary.top.u[0]",
+        "is given, but",
+    ),
+    (
+        "right: convection",
+        "right: {role: convection, g: [1, 2]}",
+        "3:55: boundary.right.g",
+        "is given, but",
+    ),
     ("mesh:", "sweep: {theta_bar: [1, 2]}\nmesh:", "7:9: sweep.theta_bar", "is swept, but"),
-    ("mesh:", "path: {parameter: load, from: 0, to: 1}\nmesh:", "7:1: path", "a path changes a load"),
+    (
+        "mesh:",
+        "path: {parameter: load, from: 0, to: 1}\nmesh:",
+        "7:1: path",
+        "a path changes a load",
+    ),
     ("left: convection", "left: free", "9:6: exact.u", "component of sigma n is"),
-    ("left: convection", "left: traction", "10:10: exact.theta", "on the edge left, which is insulated"),
-    ("top: clamped", "top: {role: clamped, u_x: derived}", "9:6: exact.u", "u_y is free on top, but the traction"),
-    ("0.1*y*cos(pi*x)", "0.1*(y+0.001)*cos(pi*x)", "9:6: exact.u", "u_N is -0.0001 on the contact edge bottom"),
+    (
+        "left: convection",
+        "left: traction",
+        "10:10: exact.theta",
+        "on the edge left, which is insulated",
+    ),
+    (
+        "top: clamped",
+        "top: {role: clamped, u_x: derived}",
+        "9:6: exact.u",
+        "u_y is free on top, but the traction",
+    ),
+    (
+        "0.1*y*cos(pi*x)",
+        "0.1*(y+0.001)*cos(pi*x)",
+        "9:6: exact.u",
+        "u_N is -0.0001 on the contact edge bottom",
+    ),
     ("tau_s: 1,", "tau_s: 1.01,", "9:6: exact.u", "the friction law does not hold on bottom"),
-    ("loads: derived", "loads: derived\n  xi: 1", "12:7: exact.xi", "xi differs from -S_T of u by 0."),
-    ("0.1*y*cos(pi*x)", "0.1*y*cos(pi*x) + 0.1*max(0, y-0.5)", "9:48: exact.u[1]", "its gradient jumps by 0.1"),
-    ('"1 + x*(1 + 0.5*cos(pi*y))"', '"1 + x*(1 + 0.5*cos(pi*y)) + abs(x-0.3)"', "10:10: exact.theta", "jumps by 2"),
-    ("0.1*y*cos(pi*x)", "0.1*y*cos(pi*x) + sqrt(max(0, y-0.5)^3)", "9:6: exact.u", "f, derived from it, has no finite"),
+    (
+        "loads: derived",
+        "loads: derived\n  xi: 1",
+        "12:7: exact.xi",
+        "xi differs from -S_T of u by 0.",
+    ),
+    (
+        "0.1*y*cos(pi*x)",
+        "0.1*y*cos(pi*x) + 0.1*max(0, y-0.5)",
+        "9:48: exact.u[1]",
+        "its gradient jumps by 0.1",
+    ),
+    (
+        '"1 + x*(1 + 0.5*cos(pi*y))"',
+        '"1 + x*(1 + 0.5*cos(pi*y)) + abs(x-0.3)"',
+        "10:10: exact.theta",
+        "jumps by 2",
+    ),
+    (
+        "0.1*y*cos(pi*x)",
+        "0.1*y*cos(pi*x) + sqrt(max(0, y-0.5)^3)",
+        "9:6: exact.u",
+        "f, derived from it, has no finite",
+    ),
     ('  theta: "1 + x*(1 + 0.5*cos(pi*y))"\n', "", "9:3: exact", "theta is missing"),
-    ("{rectangle: {width: 1, height: 1}}", "{file: {path: a.brep, other: top}}", "11:10: exact.loads", "from a file"),
+    (
+        "{rectangle: {width: 1, height: 1}}",
+        "{file: {path: a.brep, other: top}}",
+        "11:10: exact.loads",
+        "from a file",
+    ),
 ]
 
 
@@ -125,27 +183,34 @@ exact: {u: ["(1 + x^2)*(1 + 0.5*y)", "y^2*sin(x) - x*y^2/3 - x*y^4"], loads: der
 
 
 def test_tractions_around_holes_on_arcs_and_on_four_sides_of_one_name() -> None:
-    """Against σn from gradients in numbers and the geometry's own normals; u_x,y = k u_x on the base."""
+    """Against σn from gradients in numbers and the geometry's own normals; u_x,y = k u_x on the
+    base."""
     scene = read_study_text(HOLES).scenes[0]
     for name in ("dome", "bore", "slot"):
         role: Any = dict(scene.boundary)[name]
         for edge, hole in body_edges(scene.body, (name,)):
             points, n = edge_samples(edge, hole)
-            (u_xx, u_xy), (u_yx, u_yy) = (value_and_gradient(parse(u), *points.T)[1] for u in HOLES.split('"')[1:4:2])
+            (u_xx, u_xy), (u_yx, u_yy) = (
+                value_and_gradient(parse(u), *points.T)[1] for u in HOLES.split('"')[1:4:2]
+            )
             s_xx, s_yy, s_xy = 3.5 * u_xx + 1.5 * u_yy, 1.5 * u_xx + 3.5 * u_yy, u_xy + u_yx
             expected = [s_xx * n[:, 0] + s_xy * n[:, 1], s_xy * n[:, 0] + s_yy * n[:, 1]]
             found = [at(component, *points.T) for component in role.g]
-            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected)))
+            np.testing.assert_allclose(
+                found, expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected))
+            )
 
 
 def test_one_field_is_the_normal_on_all_curves_and_an_edge_ends_where_its_line_goes_on() -> None:
-    """The lines of the re-entrant corner's edges meet base and wall, one before its start, one behind its end."""
+    """The lines of the re-entrant corner's edges meet base and wall, one before its start, one
+    behind its end."""
     corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]
     body = Body(polygon_loop(corners, ["base", *4 * ["rest"], "wall"]))
     curved = read_study_text(HOLES).scenes[0].body
     samples = [(curved, *edge_samples(*edge)) for edge in body_edges(curved, None)]
     samples += [
-        (body, np.array([at]), np.array([n])) for at, n in (((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (-1.0, 0.0)))
+        (body, np.array([at]), np.array([n]))
+        for at, n in (((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (-1.0, 0.0)))
     ]
     for own, points, normals in samples:
         field = normal_field(own, body_edges(own, None))
@@ -153,9 +218,12 @@ def test_one_field_is_the_normal_on_all_curves_and_an_edge_ends_where_its_line_g
         np.testing.assert_allclose(found, normals, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize(("u_y", "accepted"), [("x*(x^2+y^2-1)^2 + x", True), ("x*(x^2+y^2-1)^2 + 1.00001*x", False)])
+@pytest.mark.parametrize(
+    ("u_y", "accepted"), [("x*(x^2+y^2-1)^2 + x", True), ("x*(x^2+y^2-1)^2 + 1.00001*x", False)]
+)
 def test_a_film_without_friction_on_an_arc(u_y: str, accepted: bool) -> None:
-    """u = ((r² − 1)² + 1) r e_φ has no shear at r = 1, but for the rounding of points; there b sets no scale."""
+    """u = ((r² − 1)² + 1) r e_φ has no shear at r = 1, but for the rounding of points; there b sets
+    no scale."""
     text = """\
 units: none
 body:

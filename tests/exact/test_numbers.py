@@ -14,8 +14,16 @@ from tcstudy.read.study import read_study_text
         ("x - 0.25", "{law: tresca, tau: 1}", 1.0),  # passes 0 at one point
         ("0*x", "{law: tresca, tau: 1}", 0.0),
         ("0*x", "{law: linear, k: 1}", 1.0),  # a law without a jump never sticks
-        ("0.1 + max(0, x - 0.5)", "{law: piecewise-linear, points: [[0, 1], [0.1, 1], [0.1, 2]], odd: true}", 0.5),
-        ("0.1 + max(0, x - 0.5)", "{law: piecewise-linear, points: [[0, 2], [0.1, 2], [0.1, 1]], odd: true}", 1.0),
+        (
+            "0.1 + max(0, x - 0.5)",
+            "{law: piecewise-linear, points: [[0, 1], [0.1, 1], [0.1, 2]], odd: true}",
+            0.5,
+        ),
+        (
+            "0.1 + max(0, x - 0.5)",
+            "{law: piecewise-linear, points: [[0, 2], [0.1, 2], [0.1, 1]], odd: true}",
+            1.0,
+        ),
     ],
 )
 def test_slip_length_by_hand(u_x: str, law: str, expected: float) -> None:

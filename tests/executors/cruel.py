@@ -1,5 +1,6 @@
-"""Calls that treat their worker badly. As a script, `python cruel.py WHAT TAU FILE` and what a worker is given: one to
-which WHAT happens whenever a block holds a law of scale TAU. FILE gets the process id each time."""
+"""Calls that treat their worker badly. As a script, `python cruel.py WHAT TAU FILE` and what a
+worker is given: one to which WHAT happens whenever a block holds a law of scale TAU. FILE gets the
+process id each time."""
 
 import os
 import signal
@@ -23,7 +24,8 @@ class Stubborn(Exception):
 
 
 def treat(what: str, seen: Path, once: bool) -> int:
-    """Note the worker in a file, and do the harm, or only the first time; else the worker's process id."""
+    """Note the worker in a file, and do the harm, or only the first time; else the worker's process
+    id."""
     before = seen.exists()
     with seen.open("a") as file:
         file.write(f"{os.getpid()}\n")

@@ -1,4 +1,5 @@
-"""A dask scheduler and two workers as processes of this machine: the same numbers to the bit, and nothing lost."""
+"""A dask scheduler and two workers as processes of this machine: the same numbers to the bit, and
+nothing lost."""
 
 import contextlib
 import itertools
@@ -23,31 +24,45 @@ from tcstudy.study.run import run
 from tests.executors.test_processes import CRUEL, SWEPT, TAU, assert_same, solved
 from tests.verification.scenes import RECTANGLE, study_of
 
-pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'")
+pytest.importorskip(
+    "distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'"
+)
 
 QUIET = {
     **os.environ,
     "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "critical",
     "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])),
+    "PYTHONPATH": os.pathsep.join(
+        filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    ),
 }
-"""Workers run the program that is tested, not one that is installed, and find the calls of these tests."""
-MANY = SWEPT.replace("[0.005, 0.01, 0.02, 0.03]", "{linspace: [0.005, 0.03, 40]}").replace("levels: 3", "levels: 1")
+"""Workers run the program that is tested, not one that is installed, and find the calls of these
+tests."""
+MANY = SWEPT.replace("[0.005, 0.01, 0.02, 0.03]", "{linspace: [0.005, 0.03, 40]}").replace(
+    "levels: 3", "levels: 1"
+)
 
 
 class Machines:
-    """A scheduler and its workers as processes, to be killed; they have no nanny: who is killed stays dead."""
+    """A scheduler and its workers as processes, to be killed; they have no nanny: who is killed
+    stays dead."""
 
     def __init__(self, folder: Path) -> None:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = int(free.getsockname()[1])
-        self.folder, self.address, self.alive = folder, f"tcp://127.0.0.1:{self.port}", list[subprocess.Popen[bytes]]()
+        self.folder, self.address, self.alive = (
+            folder,
+            f"tcp://127.0.0.1:{self.port}",
+            list[subprocess.Popen[bytes]](),
+        )
 
     def start(self, command: str, *words: str) -> subprocess.Popen[bytes]:
         line = [sys.executable, "-m", "dask", command, "--no-dashboard", *words]
         with (self.folder / f"{command}.log").open("ab") as log:
-            self.alive.append(subprocess.Popen(line, env=QUIET, cwd=self.folder, stdout=log, stderr=log))
+            self.alive.append(
+                subprocess.Popen(line, env=QUIET, cwd=self.folder, stdout=log, stderr=log)
+            )
         return self.alive[-1]
 
     def scheduler(self) -> subprocess.Popen[bytes]:
@@ -61,7 +76,15 @@ class Machines:
         return process
 
     def worker(self) -> subprocess.Popen[bytes]:
-        words = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory", str(self.folder))
+        words = (
+            "--no-nanny",
+            "--nthreads",
+            "1",
+            "--memory-limit",
+            "0",
+            "--local-directory",
+            str(self.folder),
+        )
         return self.start("worker", self.address, *words)
 
 
@@ -79,8 +102,11 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_solver, "POINTS", 2)
 
 
-def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines: Machines, tmp_path: Path) -> None:
-    """One cluster for all that it must stand: a machine that goes, a point that kills, a scheduler that goes."""
+def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(
+    machines: Machines, tmp_path: Path
+) -> None:
+    """One cluster for all that it must stand: a machine that goes, a point that kills, a scheduler
+    that goes."""
     scheduler, first, _ = machines.scheduler(), machines.worker(), machines.worker()
     study, seen = study_of(MANY), list[BlockRecord]()
     with DaskExecutor(machines.address) as cluster:
@@ -104,13 +130,21 @@ def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines:
         list(itertools.islice(records, 3))
         scheduler.kill()
         scheduler.wait()
-        with pytest.raises(WorkersFailed, match=r"scheduler tcp:.* was lost.*finished points are kept"):
+        with pytest.raises(
+            WorkersFailed, match=r"scheduler tcp:.* was lost.*finished points are kept"
+        ):
             list(records)
 
 
-def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobody(tmp_path: Path) -> None:
-    """No process imports the script again, neither of dask nor of worker processes; blocks and geometries."""
-    swept = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.5") + "sweep: {body.rectangle.width: [1, 2, 3]}\n"
+def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobody(
+    tmp_path: Path,
+) -> None:
+    """No process imports the script again, neither of dask nor of worker processes; blocks and
+    geometries."""
+    swept = (
+        RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.5")
+        + "sweep: {body.rectangle.width: [1, 2, 3]}\n"
+    )
     (tmp_path / "points.yaml").write_text(MANY)
     (tmp_path / "geometries.yaml").write_text(swept)
     script = tmp_path / "script.py"
@@ -121,7 +155,9 @@ def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobod
         "    two = tcstudy.run(f'{name}.yaml', 'there.nc', jobs=2, dask='local', force=True)\n"
         "    assert one['energy'].equals(two['energy'])\n"
     )
-    done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
     assert (done.returncode, done.stdout) == (0, "imported\n"), done.stderr
 
 

@@ -14,7 +14,14 @@ import pytest
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
-from tcstudy.executors.processes import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
+from tcstudy.executors.processes import (
+    Job,
+    ProcessExecutor,
+    SerialExecutor,
+    WorkerDied,
+    WorkersFailed,
+    in_order,
+)
 from tcstudy.scene.study import Study
 from tcstudy.study import level_solver
 from tcstudy.study.run import execute, run
@@ -51,7 +58,9 @@ def assert_same(some: list[BlockRecord], others: list[BlockRecord]) -> None:
         assert a.reasons == b.reasons
         assert a.numbers.keys() == b.numbers.keys()
         for name, values in a.numbers.items():
-            assert name.startswith("time_") or np.array_equal(values, b.numbers[name], equal_nan=True), name
+            assert name.startswith("time_") or np.array_equal(
+                values, b.numbers[name], equal_nan=True
+            ), name
 
 
 @pytest.mark.parametrize(
@@ -72,17 +81,25 @@ READY = "import tests.executors.cruel; from tcstudy.executors.worker import main
 
 
 @pytest.mark.parametrize(
-    ("what", "words"), [("kill", "signal SIGKILL, perhaps for want of memory"), ("hang", "no answer within 1.5 s")]
+    ("what", "words"),
+    [("kill", "signal SIGKILL, perhaps for want of memory"), ("hang", "no answer within 1.5 s")],
 )
-def test_a_call_whose_worker_dies_is_tried_once_more_and_then_told(tmp_path: Path, what: str, words: str) -> None:
-    """And takes nothing along: the calls before and after it are answered, those of other workers too."""
+def test_a_call_whose_worker_dies_is_tried_once_more_and_then_told(
+    tmp_path: Path, what: str, words: str
+) -> None:
+    """And takes nothing along: the calls before and after it are answered, those of other workers
+    too."""
     once, always = tmp_path / "once", tmp_path / "always"
     with ProcessExecutor(2, command=("-c", READY)) as workers:
         around = [workers.submit(divmod, i, 3) for i in range(6)]
-        mended, lost = (workers.submit(Job(treat, "", 1.5), what, seen, seen == once) for seen in (once, always))
+        mended, lost = (
+            workers.submit(Job(treat, "", 1.5), what, seen, seen == once) for seen in (once, always)
+        )
         around += [workers.submit(divmod, i, 3) for i in range(6, 12)]
         assert mended.result() == int(once.read_text().split()[1])
-        with pytest.raises(WorkerDied, match=f"^the worker process that solved this died: {words}$"):
+        with pytest.raises(
+            WorkerDied, match=f"^the worker process that solved this died: {words}$"
+        ):
             lost.result()
         assert [call.result() for call in around] == [divmod(i, 3) for i in range(12)]
     assert len(set(once.read_text().split())) == len(set(always.read_text().split())) == 2
@@ -108,7 +125,9 @@ def test_no_more_calls_are_under_way_than_the_executor_likes() -> None:
         ahead = 3  # type: ignore[assignment]
 
     found = list[tuple[int, int]]()
-    for answer in in_order(Three(), (sent.append(i) or Three().submit(divmod, i, 2) for i in range(9))):  # type: ignore[func-returns-value]
+    for answer in in_order(
+        Three(), (sent.append(i) or Three().submit(divmod, i, 2) for i in range(9))
+    ):  # type: ignore[func-returns-value]
         found.append(answer.result())
         assert len(sent) - len(found) <= 3
     assert found == [divmod(i, 2) for i in range(9)]
@@ -132,7 +151,10 @@ def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_pat
 @pytest.mark.parametrize("warm", [False, True])
 def test_workers_that_never_start_end_the_run(warm: bool) -> None:
     never = ("-c", "raise SystemExit(3)")
-    with pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"), ProcessExecutor(2, command=never) as workers:
+    with (
+        pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"),
+        ProcessExecutor(2, command=never) as workers,
+    ):
         solved(study_of(SWEPT, "mesh.levels=1"), workers.warm() if warm else workers)
 
 
@@ -158,15 +180,20 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize("kill", [signal.SIGINT, signal.SIGKILL])
-def test_an_interrupted_run_leaves_its_points_and_no_workers(tmp_path: Path, kill: signal.Signals) -> None:
-    """The last block hangs; what was solved before stays, and the run goes on from there to the same numbers."""
+def test_an_interrupted_run_leaves_its_points_and_no_workers(
+    tmp_path: Path, kill: signal.Signals
+) -> None:
+    """The last block hangs; what was solved before stays, and the run goes on from there to the
+    same numbers."""
     file, output, pids = tmp_path / "study.yaml", tmp_path / "out.nc", tmp_path / "pids"
     file.write_text(text := SWEPT.replace("levels: 3", "levels: 1"))
     words = [sys.executable, "-c", LONG, str(file), str(output), CRUEL, "hang", "0.03", str(pids)]
     parent = subprocess.Popen(words, start_new_session=True, stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
     try:
-        assert parent.stdout.readline() == "block\n"  # the first, which the other worker has, is solved and safe
+        assert (
+            parent.stdout.readline() == "block\n"
+        )  # the first, which the other worker has, is solved and safe
         deadline = time.monotonic() + 120
         while not pids.exists() and time.monotonic() < deadline:
             time.sleep(0.05)

@@ -18,10 +18,39 @@ def slope(text: str, variables: str) -> Expression:
 
 
 TEXTS = (
-    *("3*x - y/2 + 7", "x^3*y^2", "sin(2*x)*exp(-y)", "1/(x^2+y^2)", "atan2(y, x)", "2^x + x^y", "tan(x*y)"),
-    *("asin(x/3)", "acos(y/3)", "atan(x - y)", "log(x + y)", "sqrt(x*y)", "sinh(x)*cosh(y)", "tanh(x*y)"),
-    *("abs(x - y)^3", "-(x - 2)^-3", "5 - x", "3/x - (-y)", "atan2(1, x) + atan2(y, 2)", "x^0 + x^0.75", "-x*-y"),
-    *("max(0, x - 1)^2 + min(y, 1)", "max(x, y, 1)*min(x*y, 2, x)", "abs(x - 1)*abs(y)", "cos(x)^2/(1 + y)"),
+    *(
+        "3*x - y/2 + 7",
+        "x^3*y^2",
+        "sin(2*x)*exp(-y)",
+        "1/(x^2+y^2)",
+        "atan2(y, x)",
+        "2^x + x^y",
+        "tan(x*y)",
+    ),
+    *(
+        "asin(x/3)",
+        "acos(y/3)",
+        "atan(x - y)",
+        "log(x + y)",
+        "sqrt(x*y)",
+        "sinh(x)*cosh(y)",
+        "tanh(x*y)",
+    ),
+    *(
+        "abs(x - y)^3",
+        "-(x - 2)^-3",
+        "5 - x",
+        "3/x - (-y)",
+        "atan2(1, x) + atan2(y, 2)",
+        "x^0 + x^0.75",
+        "-x*-y",
+    ),
+    *(
+        "max(0, x - 1)^2 + min(y, 1)",
+        "max(x, y, 1)*min(x*y, 2, x)",
+        "abs(x - 1)*abs(y)",
+        "cos(x)^2/(1 + y)",
+    ),
 )
 
 
@@ -32,7 +61,10 @@ def test_derivatives_agree_with_differences_and_commute(text: str, before: str) 
     function, h = slope(text, before) if before else parse(text), 1e-5
     found = np.array([slope(text, before + variable).evaluate(X, Y) for variable in "xy"])
     steps = [(h, 0.0), (0.0, h)]
-    differences = [(function.evaluate(X + i, Y + j) - function.evaluate(X - i, Y - j)) / (2 * h) for i, j in steps]
+    differences = [
+        (function.evaluate(X + i, Y + j) - function.evaluate(X - i, Y - j)) / (2 * h)
+        for i, j in steps
+    ]
     np.testing.assert_allclose(found, differences, rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(value_and_gradient(function, X, Y)[1], found, rtol=1e-12, atol=1e-13)
     other = [slope(text, variable + before).evaluate(X, Y) for variable in "xy"]
@@ -40,7 +72,11 @@ def test_derivatives_agree_with_differences_and_commute(text: str, before: str) 
 
 
 def test_kinks_are_where_slopes_jump_and_one_side_is_taken_there() -> None:
-    for text, at, side in (("abs(x)", -0.0, 1.0), ("abs(x)", -1e-300, -1.0), ("max(x, 2*x)", 0.0, 1.0)):
+    for text, at, side in (
+        ("abs(x)", -0.0, 1.0),
+        ("abs(x)", -1e-300, -1.0),
+        ("max(x, 2*x)", 0.0, 1.0),
+    ):
         assert float(slope(text, "x").evaluate(at, 0.0)) == side
     assert kinks(parse("sin(x)*y")) == kinks(2.0) == ()
     found = kinks(parse("abs(x - 1) + max(0, y, x) + min(y, 3)"))
@@ -49,11 +85,16 @@ def test_kinks_are_where_slopes_jump_and_one_side_is_taken_there() -> None:
 
 
 def test_a_derivative_shares_its_parts() -> None:
-    """A long singular field: its second derivatives, written out a megabyte, have a few hundred different nodes."""
-    text = "((x-1)^2+y^2)^0.75 * " + " * ".join(f"(cos({i}*atan2(y, x-1)) + sin(x*y + {i}))" for i in range(1, 11))
+    """A long singular field: its second derivatives, written out a megabyte, have a few hundred
+    different nodes."""
+    text = "((x-1)^2+y^2)^0.75 * " + " * ".join(
+        f"(cos({i}*atan2(y, x-1)) + sin(x*y + {i}))" for i in range(1, 11)
+    )
     twice = slope(text, "xy")
     assert len(twice.order) < 1500
     h = 1e-5
     once = slope(text, "x")
     expected = (once.evaluate(X, Y + h) - once.evaluate(X, Y - h)) / (2 * h)
-    np.testing.assert_allclose(twice.evaluate(X, Y), expected, rtol=1e-7, atol=1e-7 * np.max(np.abs(expected)))
+    np.testing.assert_allclose(
+        twice.evaluate(X, Y), expected, rtol=1e-7, atol=1e-7 * np.max(np.abs(expected))
+    )

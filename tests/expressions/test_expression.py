@@ -19,7 +19,9 @@ NUMPY = {
     "exp(-x^2 - y**2)": lambda x, y: np.exp(-(x**2) - y**2),
     "log(1 + x^2) / sqrt(2 + abs(y))": lambda x, y: np.log(1 + x**2) / np.sqrt(2 + abs(y)),
     "sinh(x) - cosh(y) + tanh(x*y)": lambda x, y: np.sinh(x) - np.cosh(y) + np.tanh(x * y),
-    "min(x, y, 0.5) + 10*max(1, 2, x)": lambda x, y: np.minimum(np.minimum(x, y), 0.5) + 10 * np.maximum(x, 2),
+    "min(x, y, 0.5) + 10*max(1, 2, x)": lambda x, y: (
+        np.minimum(np.minimum(x, y), 0.5) + 10 * np.maximum(x, 2)
+    ),
     "-x^2": lambda x, y: -(x**2),
     "2^-x": lambda x, y: 2.0**-x,
     "2^3^0.5": lambda x, y: 2.0 ** (3**0.5) + 0 * x,
@@ -31,7 +33,9 @@ NUMPY = {
 @pytest.mark.parametrize("text", NUMPY)
 def test_values_are_those_of_numpy(text: str) -> None:
     x, y = np.random.default_rng(0).uniform(-3, 3, (2, 200))
-    np.testing.assert_allclose(parse(text).evaluate(x, y), NUMPY[text](x, y), rtol=2e-15, atol=1e-15)
+    np.testing.assert_allclose(
+        parse(text).evaluate(x, y), NUMPY[text](x, y), rtol=2e-15, atol=1e-15
+    )
 
 
 def test_pickle_and_copy() -> None:
@@ -85,7 +89,10 @@ def test_mistakes_are_named(text: str, words: list[str]) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.text(alphabet="xyepi0123456789.+-*/^(), sincoatbmrqhlgE_<'\"", max_size=60) | st.text(max_size=40))
+@given(
+    st.text(alphabet="xyepi0123456789.+-*/^(), sincoatbmrqhlgE_<'\"", max_size=60)
+    | st.text(max_size=40)
+)
 def test_any_text_gives_an_expression_or_an_error(text: str) -> None:
     try:
         expression = parse(text)

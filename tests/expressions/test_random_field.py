@@ -24,7 +24,9 @@ def test_the_fields_of_many_seeds_have_their_mean_scatter_and_correlation() -> N
     along = np.linspace(0.0, L, 5)
     points = np.stack([along, 0.0 * along], axis=1)
     x = np.array([0.0, 0.03, 0.03 + ELL, 0.19])
-    found = np.array([random_field(points, SCATTER, ELL, seed).evaluate(x, 0.0 * x) for seed in range(1000)])
+    found = np.array(
+        [random_field(points, SCATTER, ELL, seed).evaluate(x, 0.0 * x) for seed in range(1000)]
+    )
     zeta = np.log1p(SCATTER**2)
     assert found.min() > 0.0
     assert found.mean(axis=0) == pytest.approx(np.ones(4), abs=0.015)
@@ -42,7 +44,10 @@ def test_a_joint_with_a_random_strength_keeps_its_field_on_every_mesh() -> None:
     study, x = read_study_text(BLOCK), np.linspace(0.0, 1.0, 50)
     assert np.ptp(strengths(study, x)) > 0.1
     for change, same in (("mesh.maxh=0.1", True), ("friction.scatter_seed=3", False)):
-        assert np.array_equal(strengths(read_study_text(BLOCK, "s", [change]), x), strengths(study, x)) == same
+        assert (
+            np.array_equal(strengths(read_study_text(BLOCK, "s", [change]), x), strengths(study, x))
+            == same
+        )
     study = read_study_text(BLOCK + "sweep: {friction.scatter_seed: [1, 2, 3]}\n")
     assert len({scene.friction for scene in study.scenes}) == 3
     for change, said in (

@@ -1,4 +1,5 @@
-"""Contact nodes in order, corners, closed and several contact parts, held ends; data that count as nothing."""
+"""Contact nodes in order, corners, closed and several contact parts, held ends; data that count as
+nothing."""
 
 import numpy as np
 import pytest
@@ -47,7 +48,9 @@ def test_loads_integrate_polynomials_of_degree_4_and_5_times_hats() -> None:
 
 def test_two_separate_parts_and_a_closed_hole() -> None:
     hole = "holes: [{circle: {center: [1, 0.5], radius: 0.2, edge: pin}}]"
-    line = line_of(RECTANGLE.replace("1}}", f"1}}, {hole}}}").replace("top: free", "top: free, pin: contact"))
+    line = line_of(
+        RECTANGLE.replace("1}}", f"1}}, {hole}}}").replace("top: free", "top: free, pin: contact")
+    )
     pin = line.edge == line.edge_names.index("pin")
     radius = np.linalg.norm(line.xy[pin] - [1, 0.5], axis=1)
     assert np.allclose(radius, 0.2, atol=1e-14)
@@ -61,22 +64,32 @@ def test_two_separate_parts_and_a_closed_hole() -> None:
 
 
 def test_disagreeing_clamps_are_an_error() -> None:
-    """The reader refuses such a study; a body from a file, whose corners it cannot see, is refused here."""
+    """The reader refuses such a study; a body from a file, whose corners it cannot see, is refused
+    here."""
     mesh = levels_of(study_of(RECTANGLE, "mesh.levels=1"))[0].mesh
     boundary = (("left", Clamped()), ("top", Clamped((0.1, 0.0))), ("bottom", Contact()))
-    with pytest.raises(GeometryFailed, match=r"left, top prescribe different displacements.*\(0, 1\)"):
+    with pytest.raises(
+        GeometryFailed, match=r"left, top prescribe different displacements.*\(0, 1\)"
+    ):
         constrain(mesh, boundary)
 
 
 def test_a_roller_along_the_contact_keeps_the_corner_node() -> None:
-    """u_y = 0 on the side and u_N = 0 below are one condition: the corner slips and is an unknown."""
-    text = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_y: 0}, top: clamped")
+    """u_y = 0 on the side and u_N = 0 below are one condition: the corner slips and is an
+    unknown."""
+    text = RECTANGLE.replace(
+        "left: clamped, top: free", "left: {role: clamped, u_y: 0}, top: clamped"
+    )
     assert line_of(text).xy[0].tolist() == [0.0, 0.0]
-    fixed = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_x: 0}, top: clamped")
+    fixed = RECTANGLE.replace(
+        "left: clamped, top: free", "left: {role: clamped, u_x: 0}, top: clamped"
+    )
     assert line_of(fixed).xy[0, 0] > 0
 
 
-HEATED = RECTANGLE.replace("nu: 0.3}", "nu: 0.3, k: 1, alpha_T: 0.1}").replace("top: free", "top: convection")
+HEATED = RECTANGLE.replace("nu: 0.3}", "nu: 0.3, k: 1, alpha_T: 0.1}").replace(
+    "top: free", "top: convection"
+)
 
 
 def test_data_that_vanish_as_a_formula_count_as_nothing() -> None:
@@ -94,4 +107,6 @@ def test_data_that_vanish_as_a_formula_count_as_nothing() -> None:
         )
     )
     assert np.array_equal(own.A_tilde, wanted.A_tilde)
-    assert own.l_tilde == pytest.approx(wanted.l_tilde, abs=1e-15 * float(np.max(np.abs(wanted.l_tilde))))
+    assert own.l_tilde == pytest.approx(
+        wanted.l_tilde, abs=1e-15 * float(np.max(np.abs(wanted.l_tilde)))
+    )

@@ -1,4 +1,5 @@
-"""Meshes: names, lengths, congruent refinement, nodes on arcs, bodies from files, and gradients recovered on them."""
+"""Meshes: names, lengths, congruent refinement, nodes on arcs, bodies from files, and gradients
+recovered on them."""
 
 import re
 from pathlib import Path
@@ -32,7 +33,14 @@ def assert_round(mesh: PlaneMesh, unit: float = 1.0) -> None:
 def test_nodes_lie_on_arcs_and_names_survive_refinement() -> None:
     for mesh in meshes_of(study_of(HEATED_BRACKET, "mesh.levels=3")):
         assert_round(mesh)
-        assert {c.name for c in mesh.geometry.curves} == {"slope", "curve", "right", "top", "left", "bore"}
+        assert {c.name for c in mesh.geometry.curves} == {
+            "slope",
+            "curve",
+            "right",
+            "top",
+            "left",
+            "bore",
+        }
         assert set(mesh.mesh.GetMaterials()) == {"body", "heater"}
 
 
@@ -47,8 +55,11 @@ mesh: {maxh: 2 mm, levels: 2}
 
 
 def test_a_face_of_a_step_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A quarter ring of 10 and 20 mm: named by points, scaled to metres, with exact normals, judged once."""
-    plane = occ.WorkPlane().MoveTo(10, 0).Line(10).Rotate(90).Arc(20, 90).Rotate(90).Line(10).Rotate(90)
+    """A quarter ring of 10 and 20 mm: named by points, scaled to metres, with exact normals, judged
+    once."""
+    plane = (
+        occ.WorkPlane().MoveTo(10, 0).Line(10).Rotate(90).Arc(20, 90).Rotate(90).Line(10).Rotate(90)
+    )
     plane.Arc(10, -90).Close().Face().WriteStep(str(tmp_path / "ring.step"))
     file = tmp_path / "study.yaml"
     file.write_text(FILE_STUDY)
@@ -99,7 +110,9 @@ def test_a_file_that_keeps_the_kernel_busy_crashes_it_or_has_no_shape_is_said_to
     assert "cannot be read as STEP or BREP" in str(file_fault(empty))
     monkeypatch.setattr(foreign_file, "SECONDS", 0.7)
     assert "did not finish reading it within" in str(file_fault(bad))
-    monkeypatch.setattr(foreign_file, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    monkeypatch.setattr(
+        foreign_file, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"
+    )
     assert file_fault(crashes) == "the geometry kernel crashes on it"
 
 
@@ -108,18 +121,23 @@ def scaled_bracket(unit: float) -> list[PlaneMesh]:
     numbers = re.compile(r"(?<=[\[\s])-?\d+(\.\d+)?(?=[,\]}])")
     body, rest = HEATED_BRACKET.split("boundary:")
     body = numbers.sub(lambda match: repr(float(match.group()) * unit), body)
-    return meshes_of(study_of(f"{body}boundary:{rest}", f"mesh={{maxh: {0.2 * unit!r}, levels: 2}}"))
+    return meshes_of(
+        study_of(f"{body}boundary:{rest}", f"mesh={{maxh: {0.2 * unit!r}, levels: 2}}")
+    )
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1e12])
 def test_bodies_of_every_size_have_meshes(unit: float) -> None:
-    """The kernel's tolerances are lengths: without care a body of a micrometre has no mesh, one of 1e12 m no box."""
+    """The kernel's tolerances are lengths: without care a body of a micrometre has no mesh, one of
+    1e12 m no box."""
     for one, other in zip(scaled_bracket(1.0), scaled_bracket(unit), strict=True):
         assert len(other.triangles) == pytest.approx(len(one.triangles), rel=0.1)
         assert other.geometry.size / unit == pytest.approx(one.geometry.size, rel=1e-5)
         assert other.geometry.area / unit**2 == pytest.approx(one.geometry.area, rel=1e-9)
         areas, own = one.geometry.face_areas(), other.geometry.face_areas()
-        assert {name: area / unit**2 for name, area in own.items()} == pytest.approx(areas, rel=1e-7)
+        assert {name: area / unit**2 for name, area in own.items()} == pytest.approx(
+            areas, rel=1e-7
+        )
     assert_round(refine(other, np.arange(len(other.triangles)) % 7 == 0), unit)
     pairs = zip(other.geometry.samples(), one.geometry.samples(), strict=True)
     for (_, points, normals), (_, expected, directions) in pairs:
@@ -130,7 +148,9 @@ def test_bodies_of_every_size_have_meshes(unit: float) -> None:
 @pytest.mark.parametrize("family", ["uniform", "adaptive"])
 def test_a_fine_mesh_by_refinement_is_the_finer_level_of_a_coarse_one(family: str) -> None:
     coarse = meshes_of(study_of(HEATED_BRACKET, "mesh={maxh: 0.4, levels: 3}"))[2]
-    fine = meshes_of(study_of(HEATED_BRACKET, f"mesh={{maxh: 0.1, refine: 2, family: {family}}}"))[0]
+    fine = meshes_of(study_of(HEATED_BRACKET, f"mesh={{maxh: 0.1, refine: 2, family: {family}}}"))[
+        0
+    ]
     assert fine.level == 0
     assert np.array_equal(fine.triangles, coarse.triangles)
     np.testing.assert_allclose(fine.points, coarse.points, rtol=0, atol=1e-14)
@@ -164,11 +184,15 @@ def test_re_entrant_corners_and_ends_of_clamps_are_singular() -> None:
     strong, weak = points_of(L_SHAPE)
     assert strong == {(1.0, 1.0), (0.0, 1.0), (0.0, 2.0)}
     assert weak == {(0.0, 0.0), (2.0, 0.0)}  # friction ends at a free edge
-    assert points_of(RECTANGLE) == ({(0.0, 1.0)}, {(2.0, 0.0)})  # a square corner of contact and clamp is none
+    assert points_of(RECTANGLE) == (
+        {(0.0, 1.0)},
+        {(2.0, 0.0)},
+    )  # a square corner of contact and clamp is none
 
 
 def test_sizes_follow_the_law() -> None:
-    """h(r) = h (r/R)^(1−μ), the smallest about R (h/R)^(1/μ); the count grows by four whatever μ."""
+    """h(r) = h (r/R)^(1−μ), the smallest about R (h/R)^(1/μ); the count grows by four whatever
+    μ."""
     study = study_of(L_SHAPE)
     scene, plan = study.scenes[0], study.mesh
     first = mesh_at(build(scene.body), plan, 0, None)

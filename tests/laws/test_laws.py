@@ -26,12 +26,21 @@ LAWS = {
     "all teeth": SHAPES["saw-tooth"].build(tau=3.0, delta=0.2, teeth=5, drop=1.0),
     "linear": SHAPES["linear"].build(k=3.0),
     "one-sided": SHAPES["piecewise-linear"].build(
-        points=[[-1, -2], [-0.5, -2], [-0.5, 1], [0.3, 0], [1, 2], [1, 0.5]], odd=False, slopes=[1, 2]
+        points=[[-1, -2], [-0.5, -2], [-0.5, 1], [0.3, 0], [1, 2], [1, 0.5]],
+        odd=False,
+        slopes=[1, 2],
     ),
     "mixed": law_of(
         "mixed",
         [-0.7, -0.2, 0.0, 0.4, 1.5],
-        [(-1, 0.5, 0, 0), (0.3, 0, -2, -4), (0, -1, -0.5, 2), (2, 0, 1, 5), (1, 1, 0, 0), (3, 0, -2, 1)],
+        [
+            (-1, 0.5, 0, 0),
+            (0.3, 0, -2, -4),
+            (0, -1, -0.5, 2),
+            (2, 0, 1, 5),
+            (1, 1, 0, 0),
+            (3, 0, -2, 1),
+        ],
     ),
 }
 everywhere = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
@@ -44,7 +53,9 @@ def reach(law: Laws) -> float:
 def slips(law: Laws, count: int = 60) -> np.ndarray:
     """Random slips, the kinks themselves, and slips a hair to either side of them."""
     random = reach(law) * np.random.default_rng(3).uniform(-3, 3, count)
-    return np.concatenate([random, law.kinks, law.kinks * (1 + 1e-9), law.kinks * (1 - 1e-9), [0.0]])
+    return np.concatenate(
+        [random, law.kinks, law.kinks * (1 + 1e-9), law.kinks * (1 - 1e-9), [0.0]]
+    )
 
 
 @everywhere
@@ -53,11 +64,15 @@ def test_primitive_is_the_integral(law: Laws) -> None:
     for s in slips(law, 20):
         low, high = min(0.0, s), max(0.0, s)
         integral = size = 0.0
-        for left, right in itertools.pairwise([low, *law.kinks[(low < law.kinks) & (law.kinks < high)], high]):
+        for left, right in itertools.pairwise(
+            [low, *law.kinks[(low < law.kinks) & (law.kinks < high)], high]
+        ):
             k = law.piece(0.5 * (left + right))
             bound = (right - left) * float(np.abs(law.value([left, right], k)).max())
             noise = 1e-14 * (bound + (right - left) * float(abs(law.value(0.0, k))))
-            integral += quad(lambda t, k=k: float(law.value(t, k)), left, right, epsabs=noise, epsrel=1e-13)[0]
+            integral += quad(
+                lambda t, k=k: float(law.value(t, k)), left, right, epsabs=noise, epsrel=1e-13
+            )[0]
             size += bound
         assert abs(float(law.j(s)) - np.copysign(1.0, s) * integral) <= 1e-12 * size
     assert law.j(0.0) == 0.0
@@ -72,12 +87,15 @@ def test_interval_is_filled_between_the_limits(law: Laws) -> None:
         around = np.concatenate([law.b(s - offsets), law.b(s + offsets)])
         gap = np.abs(law.kinks - s)
         if not np.any((gap > 0) & (gap < 2e-8 * step)):
-            assert np.ravel(law.interval(s)) == pytest.approx([around.min(), around.max()], abs=1e-6 * size)
+            assert np.ravel(law.interval(s)) == pytest.approx(
+                [around.min(), around.max()], abs=1e-6 * size
+            )
 
 
 @everywhere
 def test_omega_is_the_steepest_fall(law: Laws) -> None:
-    """The largest −(b(s₁)−b(s₂))/(s₁−s₂) over all pairs of a grid that puts points close to the kinks."""
+    """The largest −(b(s₁)−b(s₂))/(s₁−s₂) over all pairs of a grid that puts points close to the
+    kinks."""
     hairs = np.concatenate([law.kinks + side * 1e-7 * reach(law) for side in (-2, -1, 1, 2)])
     s = np.unique(np.concatenate([np.linspace(-3, 3, 1500) * reach(law), hairs]))
     b = law.b(s)
@@ -104,7 +122,9 @@ def test_omega_is_the_steepest_fall(law: Laws) -> None:
         ([0], [(-1, 0, 0, 0), (np.inf, 0, 0, 0)], "not finite"),
     ],
 )
-def test_growth_is_refused(kinks: list[float], pieces: list[tuple[float, float, float, float]], words: str) -> None:
+def test_growth_is_refused(
+    kinks: list[float], pieces: list[tuple[float, float, float, float]], words: str
+) -> None:
     with pytest.raises(GrowthError, match=words.replace("+", "\\+")):
         law_of("", kinks, pieces).check_growth()
 
@@ -114,7 +134,9 @@ def test_laws_compare_by_their_numbers() -> None:
     law, twin, other = (build(tau_s=2.0, tau_k=1.0, delta=d) for d in (0.5, 0.5, 0.25))
     assert law == twin != other
     assert (len({law, twin, other}), pickle.loads(pickle.dumps(law))) == (2, law)
-    assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of("", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)])
+    assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of(
+        "", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)]
+    )
 
 
 @pytest.mark.parametrize(
@@ -134,6 +156,9 @@ def test_laws_compare_by_their_numbers() -> None:
 )  # fmt: skip
 def test_regions_are_told_outwards(law: Laws, outwards: str) -> None:
     own = [REGIONS[k] for k in law.regions[int(law.piece(0.0)) :]]
-    assert (own, [REGIONS[k] for k in law.regions[::-1][: len(own)]]) == (outwards.split(), own[::-1])
+    assert (own, [REGIONS[k] for k in law.regions[::-1][: len(own)]]) == (
+        outwards.split(),
+        own[::-1],
+    )
     table = Laws.of([LAWS["all teeth"], law])
     assert table.regions[1, : len(law.regions)].tolist() == law.regions.tolist()

@@ -1,4 +1,5 @@
-"""Sums of laws: values, primitives, kinks and symmetry of every pair of shapes, and what exponentials cost."""
+"""Sums of laws: values, primitives, kinks and symmetry of every pair of shapes, and what
+exponentials cost."""
 
 from itertools import combinations_with_replacement
 
@@ -22,7 +23,10 @@ LAWS = (
     law("slip-weakening", tau_s=3.0, tau_k=1.0, delta=0.4),
     law("exponential", a=2.0, b=0.5, delta=0.3),
     law("saw-tooth", tau=2.0, delta=0.25, teeth=3, drop=0.5, decay=0.9),
-    law("piecewise-linear", points=[(0.0, 0.0), (0.1, 2.0), (float(np.nextafter(0.1, 1.0)), 0.5), (2.0, 0.7)]),
+    law(
+        "piecewise-linear",
+        points=[(0.0, 0.0), (0.1, 2.0), (float(np.nextafter(0.1, 1.0)), 0.5), (2.0, 0.7)],
+    ),
     law("piecewise-linear", points=[(-1.0, -3.0), (-0.2, -1.0), (0.3, 2.0)], odd=False),
     law("linear", k=3.0),
     NONE,
@@ -30,7 +34,9 @@ LAWS = (
 SLIPS = np.concatenate([np.linspace(-3.0, 3.0, 2001), *(one.kinks for one in LAWS)])
 
 
-@pytest.mark.parametrize(("one", "two"), list(combinations_with_replacement(LAWS, 2)), ids=lambda one: one.name)
+@pytest.mark.parametrize(
+    ("one", "two"), list(combinations_with_replacement(LAWS, 2)), ids=lambda one: one.name
+)
 def test_a_sum_has_the_values_and_primitives_of_both(one: Laws, two: Laws) -> None:
     one, two = one.times(0.3), two.times(0.7)
     both = total(one, two)
@@ -38,7 +44,9 @@ def test_a_sum_has_the_values_and_primitives_of_both(one: Laws, two: Laws) -> No
     assert {*one.kinks, *two.kinks} <= set(both.kinks)
     assert is_odd(both) == (is_odd(one) and is_odd(two))
     for side in (-1, 1):
-        np.testing.assert_allclose(both.b(SLIPS, side), one.b(SLIPS, side) + two.b(SLIPS, side), atol=1e-13)
+        np.testing.assert_allclose(
+            both.b(SLIPS, side), one.b(SLIPS, side) + two.b(SLIPS, side), atol=1e-13
+        )
     np.testing.assert_allclose(both.j(SLIPS), one.j(SLIPS) + two.j(SLIPS), atol=1e-13)
     assert both.omega <= one.omega + two.omega or np.isinf(one.omega + two.omega)
 
@@ -46,27 +54,41 @@ def test_a_sum_has_the_values_and_primitives_of_both(one: Laws, two: Laws) -> No
 def test_exponentials_of_different_decay_add_up_exactly() -> None:
     rng = np.random.default_rng(7)
     for case in range(60):
-        delta, ratio = 10.0 ** rng.uniform(-6, 3), 10.0 ** rng.uniform(-2, 2) if case % 5 else 1.0 + 1e-9
+        delta, ratio = (
+            10.0 ** rng.uniform(-6, 3),
+            10.0 ** rng.uniform(-2, 2) if case % 5 else 1.0 + 1e-9,
+        )
         a, b, c, d = rng.uniform(0.0, 2.0, 4)
-        one, two = law("exponential", a=a, b=b, delta=delta), law("exponential", a=c, b=d, delta=ratio * delta)
+        one, two = (
+            law("exponential", a=a, b=b, delta=delta),
+            law("exponential", a=c, b=d, delta=ratio * delta),
+        )
         both = total(one, two)
         both.check_growth()
         assert is_odd(both)
         assert np.all(both.kinds[both.kinks != 0.0] == BEND)
         s = np.concatenate([x * np.linspace(-40.0, 40.0, 501) for x in (delta, ratio * delta)])
         np.testing.assert_allclose(both.b(s), one.b(s) + two.b(s), rtol=0.0, atol=1e-13)
-        np.testing.assert_allclose(both.j(s), one.j(s) + two.j(s), rtol=1e-12, atol=1e-13 * delta * ratio)
+        np.testing.assert_allclose(
+            both.j(s), one.j(s) + two.j(s), rtol=1e-12, atol=1e-13 * delta * ratio
+        )
         assert both.omega >= -np.min(both.slope(s, both.piece(s))) * (1.0 - 1e-12)
 
 
-TWO = total(law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=0.4, b=1.4, delta=0.05))
+TWO = total(
+    law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=0.4, b=1.4, delta=0.05)
+)
 """Falls and rises again: b″ changes its sign, b′ too."""
 
 
 def test_chords_of_two_exponentials_miss_them_by_the_tolerance_at_most() -> None:
     chords = piecewise_linear(TWO, 1e-3, 3.0)
     assert is_odd(chords)
-    assert 1e-4 * TWO.b_scale < np.max(np.abs(chords.b(SLIPS) - TWO.b(SLIPS))) <= (1.0 + 1e-9) * 1e-3 * TWO.b_scale
+    assert (
+        1e-4 * TWO.b_scale
+        < np.max(np.abs(chords.b(SLIPS) - TWO.b(SLIPS)))
+        <= (1.0 + 1e-9) * 1e-3 * TWO.b_scale
+    )
 
 
 def test_bounds_hold_for_two_exponentials() -> None:
@@ -77,7 +99,9 @@ def test_bounds_hold_for_two_exponentials() -> None:
     s = np.linspace(low, high, 2001)
     inside = np.abs(s - v) > 1e-6
     below = TWO.j(v) + TWO.b(v) * (s - v) - TWO.j(s)
-    sampled = np.max(np.where(inside, 2.0 * below / np.where(inside, s - v, 1.0) ** 2, -np.inf), axis=0)
+    sampled = np.max(
+        np.where(inside, 2.0 * below / np.where(inside, s - v, 1.0) ** 2, -np.inf), axis=0
+    )
     bound = bends_below_tangent(TWO, v, TWO.b(v), low, high)[0]
     assert np.all(bound >= sampled - 1e-6)
     assert np.median(bound - sampled) < 0.05 * np.median(np.abs(sampled))

@@ -1,5 +1,6 @@
-"""Edges that turn as a whole, and a rail on its spring in closed form; tests/verification/test_rich_scenes.py has the
-other supports and resultants against a plain solve."""
+"""Edges that turn as a whole, and a rail on its spring in closed form;
+tests/verification/test_rich_scenes.py has the other supports and resultants against a plain
+solve."""
 
 import numpy as np
 import pytest
@@ -36,7 +37,8 @@ def solved(plate: str) -> tuple[Scene, Level, np.ndarray, np.ndarray]:
 
 
 def test_an_edge_that_turns_is_the_clamped_one_whose_reactions_are_its_resultants() -> None:
-    """The plate moves as u = a + phi × (x − 1, 0) under its force and moment; a path runs along either."""
+    """The plate moves as u = a + phi × (x − 1, 0) under its force and moment; a path runs along
+    either."""
     scene, level, v, u = solved("{role: rigid, force: [0.05, -0.1], moment: 0.03}")
     plate = level.mesh.points[:, 1] > 1 - 1e-12
     s, U = level.mesh.points[plate, 0] - 1.0, u[:, plate]
@@ -44,7 +46,9 @@ def test_an_edge_that_turns_is_the_clamped_one_whose_reactions_are_its_resultant
     a = U.mean(axis=1) - [0.0, phi * s.mean()]
     assert np.abs(U - np.array([a[0] + 0 * s, a[1] + phi * s])).max() < 1e-14
     assert phi > 1e-3
-    other, same, w, moved = solved(f'{{role: clamped, u: [{float(a[0])!r}, "{float(a[1])!r} + {phi!r}*(x - 1)"]}}')
+    other, same, w, moved = solved(
+        f'{{role: clamped, u: [{float(a[0])!r}, "{float(a[1])!r} + {phi!r}*(x - 1)"]}}'
+    )
     assert w == pytest.approx(v, abs=1e-11)
     assert moved == pytest.approx(u, abs=1e-11)
     K = same.elastic.stiffness_of((((), other.material.lam, other.material.mu),))
@@ -61,7 +65,12 @@ def test_end_of_the_rail_on_its_spring() -> None:
     study = read_study(CONFIGS / "spring_rail.yaml")
     level = levels_of(study)[0]
     slips = [solve_contact(level.condensed(scene).problem).v for scene in study.scenes]
-    found = [RequestedOutputs(level, study.output).of(*one) for one in zip(study.scenes, slips, strict=True)]
-    assert [1e3 * one["probe_end_u_T"] for one in found] == pytest.approx([12.0960, 9.8479, 6.5940], rel=1e-3)
+    found = [
+        RequestedOutputs(level, study.output).of(*one)
+        for one in zip(study.scenes, slips, strict=True)
+    ]
+    assert [1e3 * one["probe_end_u_T"] for one in found] == pytest.approx(
+        [12.0960, 9.8479, 6.5940], rel=1e-3
+    )
     held = 21e9 * 4.8e-4  # the middle, far from the end, holds all of the thermal force
     assert [one["reaction_middle_x"] for one in found] == pytest.approx([held] * 3, rel=1e-3)

@@ -1,4 +1,5 @@
-"""Scenes condensed at once have the numbers of each alone, also for a page that solves them; lengths of regions."""
+"""Scenes condensed at once have the numbers of each alone, also for a page that solves them;
+lengths of regions."""
 
 from itertools import groupby
 
@@ -57,18 +58,26 @@ output: {live: true}
 """
 
 
-def test_a_page_gets_the_problems_of_the_points_that_share_the_elastic_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_gets_the_problems_of_the_points_that_share_the_elastic_ratio(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     study = study_of(LIVE)
     level = Level(levels_of(study)[0].mesh, study.scenes[0], study.scenes)
     live = offline.live_arrays(level, study.scenes, study.shape)
     valid = live["valid"].ravel()
-    assert [scene.material.nu for scene, one in zip(study.scenes, valid, strict=True) if one] == 3 * [0.3]
+    assert [
+        scene.material.nu for scene, one in zip(study.scenes, valid, strict=True) if one
+    ] == 3 * [0.3]
     for i in np.flatnonzero(valid):
         problem = level.condensed(study.scenes[i]).problem
         load = live["load"].reshape(len(valid), -1)[i]
-        np.testing.assert_array_equal(live["stiffness"].ravel()[i] * live["A_tilde"], problem.A_tilde)
+        np.testing.assert_array_equal(
+            live["stiffness"].ravel()[i] * live["A_tilde"], problem.A_tilde
+        )
         np.testing.assert_array_equal(load, problem.l_tilde)
-        assert 0.0 < abs(live["mechanical_load"].reshape(len(valid), -1)[i].sum() / load.sum()) < 1.0
+        assert (
+            0.0 < abs(live["mechanical_load"].reshape(len(valid), -1)[i].sum() / load.sum()) < 1.0
+        )
     monkeypatch.setattr(offline, "MOST_NODES", level.line.m - 1)
     assert offline.live_arrays(level, study.scenes, study.shape) == {}
 
@@ -96,7 +105,10 @@ def test_lengths_of_regions_are_those_of_slips_between_the_nodes(first: str, sec
     line, random = level.line, np.random.default_rng(4)
     v = np.cumsum(random.uniform(-0.5, 0.5, (3, line.m)), axis=1)
     v[0, : line.m // 2] = 0.0
-    laws, held = row_laws([level.law(scene)] * 3, np.ones(3)), np.tile(level.held_slips(scene), (3, 1))
+    laws, held = (
+        row_laws([level.law(scene)] * 3, np.ones(3)),
+        np.tile(level.held_slips(scene), (3, 1)),
+    )
     found = region_lengths(level, laws, v, held)
     assert isinstance(scene.friction, EdgeLaws)
     known = {name: law for name, law, _ in scene.friction.laws}
@@ -109,11 +121,15 @@ def test_lengths_of_regions_are_those_of_slips_between_the_nodes(first: str, sec
             if start == end == 0.0 and law.sticking(np.zeros(1)):
                 continue
             moving += width
-            which, count = np.unique(law.regions[law.piece(start + at * (end - start))], return_counts=True)
+            which, count = np.unique(
+                law.regions[law.piece(start + at * (end - start))], return_counts=True
+            )
             for k, n in zip(which, count, strict=True):
                 lengths[REGIONS[k]] += width * n / 10_000
         for name, length in lengths.items():
             if length:
                 assert found[f"{name}_length"][row] == pytest.approx(length, abs=2e-3), name
-        whole = np.nansum([length[row] for name, length in found.items() if name != "breathing_length"])
+        whole = np.nansum(
+            [length[row] for name, length in found.items() if name != "breathing_length"]
+        )
         assert whole == pytest.approx(moving, rel=1e-12)

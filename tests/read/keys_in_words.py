@@ -1,4 +1,5 @@
-"""The table of keys in words, which configs/README.md has: `python -m tests.read.keys_in_words` prints it."""
+"""The table of keys in words, which configs/README.md has: `python -m tests.read.keys_in_words`
+prints it."""
 
 from collections.abc import Iterator
 

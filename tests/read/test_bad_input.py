@@ -43,20 +43,38 @@ def changed(old: str, new: str, text: str = "") -> str:
     return (text or BASE).replace(old, new.replace("(nothing)", ""), 1)
 
 
-@pytest.mark.parametrize(("text", "case", "place", "part"), CASES, ids=[case[:60] for _, case, *_ in CASES])
-def test_one_fault_gives_one_error_at_its_place(text: str, case: str, place: str, part: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "case", "place", "part"), CASES, ids=[case[:60] for _, case, *_ in CASES]
+)
+def test_one_fault_gives_one_error_at_its_place(
+    text: str, case: str, place: str, part: str
+) -> None:
     options = case[6:].split(" && ") if case.startswith("--set ") else []
     [line] = problems(text if options else changed(*case.split(" => "), text), *options)  # type: ignore[misc]
-    assert re.match(f"--set .*: {re.escape(place[2:])}" if place[0] == "-" else f"study.yaml:{re.escape(place)} ", line)
+    assert re.match(
+        f"--set .*: {re.escape(place[2:])}"
+        if place[0] == "-"
+        else f"study.yaml:{re.escape(place)} ",
+        line,
+    )
     assert part in line
     assert "; " in line  # the remedy
 
 
 def test_faults_are_reported_at_once_sorted_by_line() -> None:
-    text = changed("radius: 0.2", "radius: 0.2 kg", changed("nu: 0.3", "nu: 0.7", changed("[25, 100]", "[25, 25]")))
-    places = [line.split(": ")[:2] for line in problems(text.replace("left: clamped", "left: clampd"))]
+    text = changed(
+        "radius: 0.2",
+        "radius: 0.2 kg",
+        changed("nu: 0.3", "nu: 0.7", changed("[25, 100]", "[25, 25]")),
+    )
+    places = [
+        line.split(": ")[:2] for line in problems(text.replace("left: clamped", "left: clampd"))
+    ]
     assert places == [
-        *(["study.yaml:8:46", "body.regions.hot.circle.radius"], ["study.yaml:13:9", "boundary.left"]),
+        *(
+            ["study.yaml:8:46", "body.regions.hot.circle.radius"],
+            ["study.yaml:13:9", "boundary.left"],
+        ),
         *(["study.yaml:14:28", "material.nu"], ["study.yaml:19:15", "sweep.alpha[1]"]),
     ]
 
@@ -83,33 +101,49 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         with pytest.raises(StudyError, match=said):
             read_study(tmp_path / name)
     assert "16 MB" in problems(BASE, f"sweep={{mode: list, points: {tmp_path / 'large.yaml'}}}")[0]
-    assert problems("- a\n")[0].startswith("study.yaml:1:1: a study is a mapping, but this is a list of 1")
+    assert problems("- a\n")[0].startswith(
+        "study.yaml:1:1: a study is a mapping, but this is a list of 1"
+    )
 
 
 def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
     start, end = BASE.index("  outline:"), BASE.index("  regions:")
     part = "  file: {path: part.step, edges: {bottom: [[0, 0]], left: [[0, 1]]}, other: right}\n"
-    text = (BASE[:start] + part + BASE[end:]).replace("  top: {role: traction, g: [0, -1 MPa]}\n", "")
+    text = (BASE[:start] + part + BASE[end:]).replace(
+        "  top: {role: traction, g: [0, -1 MPa]}\n", ""
+    )
     study = tmp_path / "study.yaml"
     study.write_text(text)
-    with pytest.raises(StudyError, match=r"study\.yaml:2:16: body\.file\.path: there is no file 'part\.step'"):
+    with pytest.raises(
+        StudyError, match=r"study\.yaml:2:16: body\.file\.path: there is no file 'part\.step'"
+    ):
         read_study(study)
     (tmp_path / "part.step").touch()
     one = text.replace("bottom: [[0, 0]]", "bottom: [0 m, 0 m]")
     assert "one point, but must be a list of points; write [[0 m, 0 m]]" in problems(one)[1]
     brep = read_study(study).scenes[0].body.brep
-    assert (brep.path, brep.face, brep.scale, brep.other) == (tmp_path / "part.step", 0, 1e-3, "right")
+    assert (brep.path, brep.face, brep.scale, brep.other) == (
+        tmp_path / "part.step",
+        0,
+        1e-3,
+        "right",
+    )
     assert brep.edges == (("bottom", ((0.0, 0.0),)), ("left", ((0.0, 1.0),)))
 
 
-GEOMETRIES = BASE[: BASE.index("sweep:")].replace("maxh: 0.2, levels: 2", "maxh: size") + "parameters: {size: 0.2}\n"
+GEOMETRIES = (
+    BASE[: BASE.index("sweep:")].replace("maxh: 0.2, levels: 2", "maxh: size")
+    + "parameters: {size: 0.2}\n"
+)
 LAW = "{law: slip-weakening, tau_s: 20 MPa, tau_k: 5 MPa"
 
 
 def test_the_values_of_a_sweep_are_set_by_path_or_short_name() -> None:
     text = f"{GEOMETRIES}sweep: {{friction.delta: [1 um, 2 um], parameters.size: [0.2, 0.3]}}\n"
     for key in ("delta=[3]", "friction.delta=[3]", "parameters.size=[0.5]", "size=[0.5]"):
-        assert read_study_text(text, "study.yaml", [f"sweep.{key}"]).shape == ((1, 2) if "delta" in key else (2, 1))
+        assert read_study_text(text, "study.yaml", [f"sweep.{key}"]).shape == (
+            (1, 2) if "delta" in key else (2, 1)
+        )
     kept = f"friction={LAW}}}"  # without the swept key, so that nothing of it is lost
     assert read_study_text(text, "study.yaml", [kept, "sweep.size=null"]).shape == (2,)
 

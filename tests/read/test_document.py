@@ -25,7 +25,9 @@ def first_problem(text: str) -> Problem:
 def test_scalars_are_those_of_yaml_1_2() -> None:
     texts = "1e-3", "0x1F", "1_000", "-.inf", "no", "2001-01-01", "!!str 5", "true", "~"
     values = tree(f"[{', '.join(texts)}]").plain()
-    assert repr(values) == repr([1e-3, 31, 1000, float("-inf"), "no", "2001-01-01", "5", True, None])
+    assert repr(values) == repr(
+        [1e-3, 31, 1000, float("-inf"), "no", "2001-01-01", "5", True, None]
+    )
 
 
 @pytest.mark.parametrize(
@@ -62,7 +64,9 @@ def test_aliases_cannot_explode(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_put_writes_words_out_that_stand_for_mappings() -> None:
-    root = tree("boundary: {top: convection, left: clamped, right: {role: clamped, u_x: 1}}\nsolver: bundle-newton\n")
+    root = tree(
+        "boundary: {top: convection, left: clamped, right: {role: clamped, u_x: 1}}\nsolver: bundle-newton\n"
+    )
     for keys, made in (
         (("solver", "tolerance"), {"name": "bundle-newton", "tolerance": 5}),
         (("boundary", "top", "pressure"), {"role": "convection", "pressure": 5}),
@@ -75,7 +79,9 @@ def test_put_writes_words_out_that_stand_for_mappings() -> None:
 
 def test_overrides() -> None:
     errors, root = Collector(), tree("a: {b: 1}\nc: {d: 3}\n")
-    root = apply_overrides(root, ["a.b=[1, 2 mm]", "s=1e-3", "c=null", "e.f.g = text"], {"s": "a.s"}, errors)
+    root = apply_overrides(
+        root, ["a.b=[1, 2 mm]", "s=1e-3", "c=null", "e.f.g = text"], {"s": "a.s"}, errors
+    )
     assert not errors.problems
     assert root.plain() == {"a": {"b": [1, "2 mm"], "s": 1e-3}, "e": {"f": {"g": "text"}}}
     node = root.nearest("a", "b", 1)

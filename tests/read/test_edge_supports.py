@@ -14,18 +14,25 @@ REST = "material: {E: 210 GPa, nu: 0.3}\nfriction: {law: tresca, tau: 20 MPa}\nm
 
 @pytest.mark.parametrize("end", ["{role: traction, spring: {normal: 2}}", "contact"])
 def test_a_spring_or_a_second_contact_edge_holds_the_body(end: str) -> None:
-    assert read_study_text(f"{PLATE}boundary: {{film: contact, end: {end}, top: free, left: free}}\n{REST}").scenes
+    assert read_study_text(
+        f"{PLATE}boundary: {{film: contact, end: {end}, top: free, left: free}}\n{REST}"
+    ).scenes
 
 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         ("force: [5 N/m, 0]", r"end cannot move in y: another edge holds it .*give it u_y: 0"),
-        ("moment: 5 N", r"end cannot turn: another edge holds it at \(1, 0\); leave out its moment"),
+        (
+            "moment: 5 N",
+            r"end cannot turn: another edge holds it at \(1, 0\); leave out its moment",
+        ),
     ],
 )
 def test_a_rigid_edge_that_contact_holds_is_refused(given: str, said: str) -> None:
-    boundary = f"boundary: {{film: contact, left: symmetry, end: {{role: rigid, {given}}}, top: free}}\n"
+    boundary = (
+        f"boundary: {{film: contact, left: symmetry, end: {{role: rigid, {given}}}, top: free}}\n"
+    )
     study = read_study_text(f"{PLATE}{boundary}{REST}")
     mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
     with pytest.raises(GeometryFailed, match=said):

@@ -1,4 +1,5 @@
-"""The sections `mesh` and `path`: what they are read as, and numbers of a path put into its scene."""
+"""The sections `mesh` and `path`: what they are read as, and numbers of a path put into its
+scene."""
 
 import pytest
 
@@ -62,7 +63,17 @@ def test_a_path_with_all_its_keys_belongs_to_the_base_study() -> None:
         " direction: forward, max_pieces: 50, hysteresis: false, level: 1, law_error: 1e-4"
     )
     assert more == PathPlan(
-        *(("boundary", "top", "pressure"), "Pa", 0.0, -4e6, (-5e6, 1e6), plan.scene, (-1e6, -2e6), "lowest", "forward"),
+        *(
+            ("boundary", "top", "pressure"),
+            "Pa",
+            0.0,
+            -4e6,
+            (-5e6, 1e6),
+            plan.scene,
+            (-1e6, -2e6),
+            "lowest",
+            "forward",
+        ),
         *(50, False, 1, 1e-4),
     )
 
@@ -72,6 +83,12 @@ def test_the_load_factor_multiplies_mechanical_loads_alone() -> None:
     scene = path_scene(plan.scene, plan.parameter, -2.0)
     assert path_scene(path_scene(scene, ("loads", "f_x"), 7.0), ("load",), 1.0).f == (7.0, 0.0)
     top = dict(scene.boundary)["top"]
-    assert (plan.units, scene.f, top.g[0], top.pressure, scene.heat) == ("1", (-2e3, 0.0), -4e6, -6e6, plan.scene.heat)
+    assert (plan.units, scene.f, top.g[0], top.pressure, scene.heat) == (
+        "1",
+        (-2e3, 0.0),
+        -4e6,
+        -6e6,
+        plan.scene.heat,
+    )
     assert top.g[1].evaluate(0.25, 0.0) == -0.5e6  # type: ignore[union-attr]
     assert dict(path_scene(plan.scene, plan.parameter, 0.0).boundary)["top"] == Traction()

@@ -1,4 +1,5 @@
-"""Table of keys, JSON Schema and the guide to studies agree; what the schema refuses the reader refuses."""
+"""Table of keys, JSON Schema and the guide to studies agree; what the schema refuses the reader
+refuses."""
 
 import copy
 import json
@@ -46,14 +47,18 @@ def test_every_shipped_study_names_the_schema_and_is_accepted(config: Path) -> N
     assert [error.message for error in CHECK.iter_errors(data(text))] == []
 
 
-def test_what_the_schema_refuses_the_reader_refuses_and_nothing_makes_it_fail_in_any_other_way() -> None:
+def test_what_the_schema_refuses_the_reader_refuses_and_nothing_makes_it_fail_in_any_other_way() -> (
+    None
+):
     trees = [YAML(typ="safe", pure=True).load(text) for text in sources()]
     made = refused = seed = 0
     while made < BROKEN:
         rng, seed = random.Random(seed), seed + 1
         spoil(rng, tree := copy.deepcopy(rng.choice(trees)))
         text = yaml_of(tree)
-        if "[" * 50 in text:  # the reader refuses it at once, a schema never sees it, and the library takes seconds
+        if (
+            "[" * 50 in text
+        ):  # the reader refuses it at once, a schema never sees it, and the library takes seconds
             continue
         try:
             errors = list(CHECK.iter_errors(data(text)))
@@ -93,5 +98,14 @@ def test_schema_and_guide_know_every_key() -> None:
         assert list(made["$defs"][section]["properties"]) == list(rows(section))
     assert list(made["properties"]) == list(rows(""))
     assert set(rows("sweep")) < set(made["$defs"]["sweep"]["properties"])
-    assert not [one.name for one in ROWS if f"`{one.name}`" not in table and one.section not in ("", "goal", *hidden)]
-    assert {one.kind for one in ROWS if one.section not in hidden} <= {*FRAGMENTS, *PAIRS, *LISTS, *SOME}
+    assert not [
+        one.name
+        for one in ROWS
+        if f"`{one.name}`" not in table and one.section not in ("", "goal", *hidden)
+    ]
+    assert {one.kind for one in ROWS if one.section not in hidden} <= {
+        *FRAGMENTS,
+        *PAIRS,
+        *LISTS,
+        *SOME,
+    }

@@ -1,4 +1,5 @@
-"""Fronts between stick and slip within their cells, hidden ones, and what cells beside held nodes may hide."""
+"""Fronts between stick and slip within their cells, hidden ones, and what cells beside held nodes
+may hide."""
 
 import numpy as np
 import pytest
@@ -28,7 +29,8 @@ def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
 
 
 def test_two_fronts_of_either_sign_are_found_exactly_and_move_as_differences_say() -> None:
-    """Slip of 3/2 power on both sides of a sticking zone from 3.3 to 6.4, to the right backwards."""
+    """Slip of 3/2 power on both sides of a sticking zone from 3.3 to 6.4, to the right
+    backwards."""
     line = line_of(10)
     s, problem = line.arclength, ContactProblem(np.eye(line.m), np.zeros(line.m), line.c, TRESCA)
     v = np.maximum(0.0, 3.3 - s) ** 1.5 - 2.0 * np.maximum(0.0, s - 6.4) ** 1.5
@@ -51,8 +53,13 @@ def test_a_zone_that_hides_beside_a_held_node() -> None:
     v = (line.arclength - 0.7) ** 1.5
     (front,) = fronts(line, problem, v)
     assert front.hidden
-    assert (front.more, slip_length(line, problem, v)[0]) == (pytest.approx(-0.7), pytest.approx(8.0 - 0.7))
-    assert fronts(line, problem, line.arclength**0.7) == []  # slip up to the held node hides nothing
+    assert (front.more, slip_length(line, problem, v)[0]) == (
+        pytest.approx(-0.7),
+        pytest.approx(8.0 - 0.7),
+    )
+    assert (
+        fronts(line, problem, line.arclength**0.7) == []
+    )  # slip up to the held node hides nothing
 
 
 FALL = SHAPES["slip-weakening"].build(tau_s=5.0, tau_k=2.0, delta=1.0)
@@ -60,7 +67,8 @@ FALL = SHAPES["slip-weakening"].build(tau_s=5.0, tau_k=2.0, delta=1.0)
 
 def hidden(law: Laws, slip: float, given: float = 0.0, held: tuple[int, ...] = (0,),
            goal: Quantity = "friction_resultant", z: float = 0.0) -> np.ndarray:  # fmt: skip
-    """What four cells of length 1 hide whose free nodes have one slip, in equilibrium; of ∫ξ with z = 0 it is b."""
+    """What four cells of length 1 hide whose free nodes have one slip, in equilibrium; of ∫ξ with z
+    = 0 it is b."""
     line = line_of(4, held)
     v = np.full(line.m, slip)
     load = v + line.c * law.b(v)
@@ -70,12 +78,20 @@ def hidden(law: Laws, slip: float, given: float = 0.0, held: tuple[int, ...] = (
 
 
 def test_what_cells_beside_held_nodes_hide_and_what_it_changes_of_numbers() -> None:
-    assert hidden(TRESCA, 0.3) == pytest.approx([1.0, 0.0, 0.0, 0.0])  # from 0 in the corner to the bound
+    assert hidden(TRESCA, 0.3) == pytest.approx(
+        [1.0, 0.0, 0.0, 0.0]
+    )  # from 0 in the corner to the bound
     assert hidden(TRESCA, 0.3, held=(0, 4)) == pytest.approx([1.0, 0.0, 0.0, 1.0])
     assert hidden(FALL, 7.0)[0] == pytest.approx(3.0)  # 5 beside the corner, 2 at the node
     assert hidden(FALL, 0.1)[0] == pytest.approx(4.7)  # 0 in a zone that sticks against 5 − 0.3
-    assert hidden(FALL, 0.1, given=0.01)[0] == pytest.approx(0.27)  # no jump between: falls with the cell
+    assert hidden(FALL, 0.1, given=0.01)[0] == pytest.approx(
+        0.27
+    )  # no jump between: falls with the cell
     assert hidden(TRESCA, 0.3, z=0.4)[0] == pytest.approx(0.5 * (1.0 + 0.6))
     assert hidden(TRESCA, 0.3, goal="u_T", z=0.4)[0] == pytest.approx(0.5 * 0.4)
-    assert hidden(TRESCA, 0.3, goal="slip_length", z=0.4)[0] == pytest.approx(0.5 * 0.4 + 1.0)  # the zone may stick
-    assert hidden(FALL, 0.1, given=0.01, goal="slip_length", z=0.4)[0] == pytest.approx(0.5 * 0.4 * 0.27)
+    assert hidden(TRESCA, 0.3, goal="slip_length", z=0.4)[0] == pytest.approx(
+        0.5 * 0.4 + 1.0
+    )  # the zone may stick
+    assert hidden(FALL, 0.1, given=0.01, goal="slip_length", z=0.4)[0] == pytest.approx(
+        0.5 * 0.4 * 0.27
+    )

@@ -1,4 +1,5 @@
-"""The finer level that goals are compared on, parts of what it changes, and what is estimated when it fails."""
+"""The finer level that goals are compared on, parts of what it changes, and what is estimated when
+it fails."""
 
 import math
 from dataclasses import replace
@@ -47,7 +48,8 @@ def refined(text: str, plan: str, levels: int) -> tuple[Level, Scene, dict[str, 
 def test_a_finer_problem_that_fails_makes_the_error_infinite_a_turning_point_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Never a silent number; refinement then follows the energy norm, as without a dual solution."""
+    """Never a silent number; refinement then follows the energy norm, as without a dual
+    solution."""
 
     def singular(*_: object) -> None:
         raise scipy.linalg.LinAlgError("made singular")
@@ -69,9 +71,12 @@ def test_a_finer_problem_that_fails_makes_the_error_infinite_a_turning_point_doe
 
 
 def test_no_error_at_all_on_the_first_mesh_is_not_believed() -> None:
-    """A front that both meshes of the estimate miss leaves no error; three meshes are looked at all the same."""
+    """A front that both meshes of the estimate miss leaves no error; three meshes are looked at all
+    the same."""
     plan = "mesh={maxh: 0.5, tolerance: 0.01, of: slip_length}"
-    study = study_of(PULLED.replace("tau: 0.01", "tau: 10"), plan)  # everything sticks: the slip length is 0
+    study = study_of(
+        PULLED.replace("tau: 0.01", "tau: 10"), plan
+    )  # everything sticks: the slip length is 0
     levels = [record for record in run(study) if isinstance(record, LevelRecord)]
     assert [record.level for record in levels] == [0, 1, 2, 2]
     assert levels[-1].stop.startswith("tolerance 0.01 met: estimated relative error 0 ")
@@ -85,7 +90,9 @@ def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
     factors, region = regions(Halved(level, scene), scene, np.zeros(level.line.m, dtype=bool), none)
     assert np.all(factors == SMOOTH)
     assert len(np.unique(region)) == 4  # as many as the body has corners
-    level, scene, _ = refined(HEATED_BRACKET, "maxh: 0.4, levels: 3", 2)  # with arcs, a hole and a region
+    level, scene, _ = refined(
+        HEATED_BRACKET, "maxh: 0.4, levels: 3", 2
+    )  # with arcs, a hole and a region
     halved = Halved(level, scene)
     factors, region = regions(halved, scene, np.zeros(level.line.m, dtype=bool), none)
     node = int(np.argmin(np.linalg.norm(level.mesh.points - [1.0, -0.3], axis=1)))
@@ -105,9 +112,13 @@ def test_an_estimator_compares_with_the_exact_solution(known: float | None) -> N
     condensed = level.condensed(scene)
     v = solve_contact(condensed.problem).v
     stored = ErrorEstimator(level, plan, exact=study.exact).look((), scene, v)
-    error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - (known or front_resultant(0.4)))
+    error = abs(
+        goal_value(RESULTANT, condensed.problem, level.line, v) - (known or front_resultant(0.4))
+    )
     assert stored["goal_error"] == pytest.approx(error, rel=1e-2)
-    assert stored["goal_effectivity"] == pytest.approx(stored["goal_estimate"] / stored["goal_error"])
+    assert stored["goal_effectivity"] == pytest.approx(
+        stored["goal_estimate"] / stored["goal_error"]
+    )
 
 
 def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None:
@@ -123,13 +134,17 @@ def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None
     width = level.line.lengths
     assert tear(0.0, 100.0) == pytest.approx(0.5 * 0.006, rel=2e-3)  # all of the fall in a cell
     assert tear(0.09, 0.11) == pytest.approx(0.5 * 0.5 * 0.006 * 0.1, rel=1e-6)  # a bend
-    assert tear(-1e-9, 1e-9) == pytest.approx(0.5 * 0.02, rel=1e-6)  # a turn without a node that sticks
+    assert tear(-1e-9, 1e-9) == pytest.approx(
+        0.5 * 0.02, rel=1e-6
+    )  # a turn without a node that sticks
     assert tear(0.0, 0.05) == 0.0
 
 
 def test_a_step_of_strength_is_told_from_smooth_growth_and_from_nodes_that_stick() -> None:
     def found(strength: str, v: float) -> list[float]:
-        study = study_of(PULLED.replace("tau: 0.01", f'tau: 0.01, strength: "{strength}"').replace("0.5", "0.2"))
+        study = study_of(
+            PULLED.replace("tau: 0.01", f'tau: 0.01, strength: "{strength}"').replace("0.5", "0.2")
+        )
         level = Level(Family(study).next(0), study.scenes[0])
         problem = level.condensed(study.scenes[0]).problem
         at = steps(level.line, problem, np.full(level.line.m, v))
@@ -144,19 +159,24 @@ def test_a_step_of_strength_is_told_from_smooth_growth_and_from_nodes_that_stick
 
 
 LINEAR = PULLED.replace("{law: tresca, tau: 0.01}", "{law: linear, k: 0.4}")
-SPRUNG = LINEAR.replace("right: free", "right: {role: traction, spring: {normal: 0.7, tangential: 0.3}}")
-TURNED = SPRUNG.replace("left: clamped", "left: free").replace(
-    'top: {role: traction, g: ["0.03*x", -0.01]}', "top: {role: rigid, force: [0.02, -0.01], moment: 0.005}"
+SPRUNG = LINEAR.replace(
+    "right: free", "right: {role: traction, spring: {normal: 0.7, tangential: 0.3}}"
 )
-GRADED = LINEAR.replace("k: 0.4}", 'k: 0.4, strength: "2 + sin(3*x)"}').replace("left: clamped", "left: symmetry")
+TURNED = SPRUNG.replace("left: clamped", "left: free").replace(
+    'top: {role: traction, g: ["0.03*x", -0.01]}',
+    "top: {role: rigid, force: [0.02, -0.01], moment: 0.005}",
+)
+GRADED = LINEAR.replace("k: 0.4}", 'k: 0.4, strength: "2 + sin(3*x)"}').replace(
+    "left: clamped", "left: symmetry"
+)
 STICKS = LINEAR.replace("{law: linear, k: 0.4}", "{law: tresca, tau: 1e6}")
 
 
 @pytest.mark.parametrize("text", [SPRUNG, TURNED, GRADED, STICKS])
 @pytest.mark.parametrize("goal", [RESULTANT, Goal("u_T", (1.4, 0.0))], ids=["resultant", "slip"])
 def test_parts_sum_to_the_change_where_the_problem_is_linear(text: str, goal: Goal) -> None:
-    """As that of Tresca friction is while no node changes sides; a sum without springs, or with a rigid edge node by
-    node, is wrong."""
+    """As that of Tresca friction is while no node changes sides; a sum without springs, or with a
+    rigid edge node by node, is wrong."""
     study = study_of(text, "mesh={maxh: 0.4, levels: 1}")
     scene = study.scenes[0]
     coarse = Level(Family(study).next(0), scene)
@@ -167,6 +187,8 @@ def test_parts_sum_to_the_change_where_the_problem_is_linear(text: str, goal: Go
     u = (halved.carry(coarse.displacement(scene, v)), fine.displacement(scene, w))
     z = fine.extension(scene, dual(goal, finer.problem, fine.line, w))
     parts = contributions(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z)
-    change = goal_value(goal, finer.problem, fine.line, w) - goal_value(goal, condensed.problem, coarse.line, v)
+    change = goal_value(goal, finer.problem, fine.line, w) - goal_value(
+        goal, condensed.problem, coarse.line, v
+    )
     assert float(parts.sum()) == pytest.approx(change, rel=1e-8, abs=1e-14)
     assert float(np.abs(parts).sum()) >= abs(change)

@@ -1,4 +1,5 @@
-"""Result files that the tests of reports share, each of one small run, and the browser in which pages are opened."""
+"""Result files that the tests of reports share, each of one small run, and the browser in which
+pages are opened."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -90,7 +91,8 @@ Stored = Callable[[str], Path]
 
 @pytest.fixture(scope="session")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Stored:
-    """The file of a study by its name, run when it is first asked for; in "failed" the block's last point failed."""
+    """The file of a study by its name, run when it is first asked for; in "failed" the block's last
+    point failed."""
     folder = tmp_path_factory.mktemp("stored")
 
     @cache
@@ -106,7 +108,11 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Stored:
             put_seal(path)
             return path
         text, changes = STUDIES[name]
-        study = read_study(text, changes) if isinstance(text, Path) else read_study_text(text, name, changes)
+        study = (
+            read_study(text, changes)
+            if isinstance(text, Path)
+            else read_study_text(text, name, changes)
+        )
         tcstudy.run(study, path, jobs=1)
         return path
 

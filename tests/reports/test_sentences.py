@@ -25,22 +25,59 @@ def test_words(sentence: str, words: str) -> None:
     assert sentence == words
 
 
-def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_start_left_over() -> None:
+def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_start_left_over() -> (
+    None
+):
     energy = np.stack([-np.ones(4), [-1.1, -1.0 - 1e-10, -1.1, NAN]], axis=1)
-    assert said.several(energy, np.array([False, False, True, False])).tolist() == [True, False, False, False]
+    assert said.several(energy, np.array([False, False, True, False])).tolist() == [
+        True,
+        False,
+        False,
+        False,
+    ]
 
 
 @pytest.mark.parametrize(
     ("ends", "spent", "kind", "words"),
     [
-        ([1.0, 1.0, 1.0], [0.0, 0.0], "shakedown", "shakedown: the last cycle leaves the slips as they were"),
-        ([1.0, 1.0, 1.0], [1.0, 1.0], "closed", "a closed loop: the last two cycles dissipate the same and leave no"),
-        ([1.0, 1.2, 1.2], [1.0, 1.0], "closed", "a closed loop: the last cycle leaves no slip behind"),  # the first did
-        ([1.0, 1.1, 1.2], [1.0, 1.0], "walking", "walking: the last two cycles each moved the whole contact line by"),
-        ([1.0, 1.1, 1.3], [1.0, 1.0], "settling", "not settled: the last cycle changed slips by up to 0.2"),
+        (
+            [1.0, 1.0, 1.0],
+            [0.0, 0.0],
+            "shakedown",
+            "shakedown: the last cycle leaves the slips as they were",
+        ),
+        (
+            [1.0, 1.0, 1.0],
+            [1.0, 1.0],
+            "closed",
+            "a closed loop: the last two cycles dissipate the same and leave no",
+        ),
+        (
+            [1.0, 1.2, 1.2],
+            [1.0, 1.0],
+            "closed",
+            "a closed loop: the last cycle leaves no slip behind",
+        ),  # the first did
+        (
+            [1.0, 1.1, 1.2],
+            [1.0, 1.0],
+            "walking",
+            "walking: the last two cycles each moved the whole contact line by",
+        ),
+        (
+            [1.0, 1.1, 1.3],
+            [1.0, 1.0],
+            "settling",
+            "not settled: the last cycle changed slips by up to 0.2",
+        ),
         ([1.0, 1.1, 1.1 + 1e-7], [1.0, 1.0], "settled", "settled to 9e-08 of the slip"),
         ([1.0, 1.1, 1.1 + 3e-6], [1.0, 1.0], "settling", "not settled"),
-        ([1.0, 1.0 + 1e-7, 1.0 + 2e-7], [1.0, 1.0], "walking", "walking"),  # small, but the same in every cycle
+        (
+            [1.0, 1.0 + 1e-7, 1.0 + 2e-7],
+            [1.0, 1.0],
+            "walking",
+            "walking",
+        ),  # small, but the same in every cycle
         ([1.0, 1.1], [1.0], "", ""),
     ],
 )
@@ -56,9 +93,13 @@ def test_what_cycles_change(ends: list[float], spent: list[float], kind: str, wo
 def test_what_is_proved_of_the_body_itself() -> None:
     low, high = np.array([0.41, np.nan]), np.array([0.42, np.nan])
     words = said.of_the_body(low, high, np.array([True, False]), "Pa m-1")
-    assert words.startswith("λ₁ of the body lies between 410 mPa m⁻¹ and 420 mPa m⁻¹: one solution for ω below 410")
+    assert words.startswith(
+        "λ₁ of the body lies between 410 mPa m⁻¹ and 420 mPa m⁻¹: one solution for ω below 410"
+    )
     assert words.endswith("; so at this point")
-    several = said.of_the_body(np.array([0.4, 0.8]), np.array([0.5, 0.9]), np.array([False, True]), "Pa m-1")
+    several = said.of_the_body(
+        np.array([0.4, 0.8]), np.array([0.5, 0.9]), np.array([False, True]), "Pa m-1"
+    )
     assert "is least between 400" in several
     assert several.endswith("so at 1 of 2 points")
     assert "so at" not in said.of_the_body(low, high, np.array([False, False]), "Pa m-1")

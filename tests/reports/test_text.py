@@ -1,4 +1,5 @@
-"""Numbers as a table shows them; failures in few lines: what belongs together, ranges, an example, a remedy."""
+"""Numbers as a table shows them; failures in few lines: what belongs together, ranges, an example,
+a remedy."""
 
 import pytest
 
@@ -15,7 +16,11 @@ def test_a_label_is_short_unless_that_makes_a_rounder_number() -> None:
     ("values", "units", "shown"),
     [
         ([1e-5, 2e-5], "m", (["10", "20"], "µm")),
-        ([1e-8, 1.0, 1e8], "W m-2 K-1", (["1e-08", "1", "1e+08"], "W m-2 K-1")),  # no one prefix suits all
+        (
+            [1e-8, 1.0, 1e8],
+            "W m-2 K-1",
+            (["1e-08", "1", "1e+08"], "W m-2 K-1"),
+        ),  # no one prefix suits all
         ([1e-5], "K-1", (["1e-05"], "K-1")),  # µK-1 would be (µK)-1
         (["0.3*x", 2e6], "Pa", (["0.3*x", "2e+06"], "Pa")),  # an expression is in Pa
     ],
@@ -40,14 +45,20 @@ def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first(
     failures += [(ERROR, "residual 1 after 30 steps; raise solver.tolerance", "a")]
     failures += [missed("2e-07", "d"), missed("3.0e-09", "e"), missed("4e-8", "f")]
     lines = failure_lines(failures)
-    assert [line.split(":")[0] for line in lines] == ["3 solutions failed", "2 solutions failed", "1 solution failed"]
+    assert [line.split(":")[0] for line in lines] == [
+        "3 solutions failed",
+        "2 solutions failed",
+        "1 solution failed",
+    ]
     assert "inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps; raise" in lines[0]
     assert lines[0].endswith("solver.tolerance (for example d)")
     assert "the limit of 300 to 400 is reached" in lines[1]
 
 
 def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown() -> None:
-    line = failure_lines([(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1")])[0]
+    line = failure_lines(
+        [(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1")]
+    )[0]
     assert "someone" not in line
     assert all(words in line for words in ("part.step", "run the study again"))
     assert "coarsen the mesh" in failure_lines([(BAD, "", "a")])[0]

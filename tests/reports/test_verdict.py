@@ -23,7 +23,8 @@ NUMBER = count()
 
 
 def seen(dims: dict[str, list[Any]], levels: int = 1, xi: float = 0.0, **values: Any) -> RunSeen:
-    """A file in memory with values (*dims, level) of a grid that is solved everywhere, and ∫|ξ| of its one point."""
+    """A file in memory with values (*dims, level) of a grid that is solved everywhere, and ∫|ξ| of
+    its one point."""
     nc = netCDF4.Dataset(f"run {next(NUMBER)}.nc", "w", diskless=True)  # one of a name may be open
     nc.sweep_mode = "grid"
     nc.createDimension("level", levels)
@@ -55,12 +56,21 @@ def _run(slip: Any) -> RunSeen:
         ([0.0, 1.0, 2.0, 9.0, 10.0, 11.0], ["between θ̄ = 2 and 3 K"]),
         ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], []),
         ([10.0, 10.1, 10.1, 10.9, 10.9, 11.0], []),
-        ([[0.0, 1.0, 2.0, 9.0, 10.0], [0.0, 1.0, 20.0, 21.0, 22.0]], ["between θ̄ = 1 and 2 K (friction: law 1)"]),
-        ([[0.0, 1.0, 2.0, 9.0, 10.0], [0.0, 1.0, np.nan, 21.0, 22.0]], ["between θ̄ = 2 and 3 K (friction: law 0)"]),
+        (
+            [[0.0, 1.0, 2.0, 9.0, 10.0], [0.0, 1.0, 20.0, 21.0, 22.0]],
+            ["between θ̄ = 1 and 2 K (friction: law 1)"],
+        ),
+        (
+            [[0.0, 1.0, 2.0, 9.0, 10.0], [0.0, 1.0, np.nan, 21.0, 22.0]],
+            ["between θ̄ = 2 and 3 K (friction: law 0)"],
+        ),
     ],
 )
 def test_an_abrupt_change_is_told_from_a_slope(slip: Any, said: list[str]) -> None:
-    places = [one.partition("between")[2] for one in abrupt(_run(slip), np.zeros(np.shape(slip), dtype=bool))]
+    places = [
+        one.partition("between")[2]
+        for one in abrupt(_run(slip), np.zeros(np.shape(slip), dtype=bool))
+    ]
     assert places == [one.removeprefix("between") for one in said]
 
 

@@ -1,4 +1,5 @@
-"""Points of the unit cube cover it as their design says and grow; distributions have their quantiles."""
+"""Points of the unit cube cover it as their design says and grow; distributions have their
+quantiles."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,9 @@ def test_a_copula_gives_its_correlation_and_keeps_the_distributions() -> None:
     R = np.array([[1.0, 0.6, -0.3], [0.6, 1.0, 0.0], [-0.3, 0.0, 1.0]])
     u = correlated(cube(Design("random", 4096, 5), 3), R)
     np.testing.assert_allclose(np.corrcoef(special.ndtri(u).T), R, atol=0.03)
-    np.testing.assert_allclose(np.corrcoef(u.T), 6 / np.pi * np.arcsin(R / 2), atol=0.03)  # of ranks
+    np.testing.assert_allclose(
+        np.corrcoef(u.T), 6 / np.pi * np.arcsin(R / 2), atol=0.03
+    )  # of ranks
     assert np.max(np.abs(np.sort(u, axis=0) - (np.arange(4096) + 0.5)[:, None] / 4096)) < 0.03
     assert np.array_equal(correlated(cube(Design("random", 2048, 5), 3), R), u[:2048])
 
@@ -29,12 +32,16 @@ def test_a_copula_gives_its_correlation_and_keeps_the_distributions() -> None:
 def test_designs_cover_the_cube() -> None:
     for n in (1, 5, 20, 96):  # a Latin hypercube has one point in each row
         u = cube(Design("latin-hypercube", n, 3), 4)
-        assert np.array_equal(np.sort((u * n).astype(int), axis=0), np.tile(np.arange(n)[:, None], 4))
+        assert np.array_equal(
+            np.sort((u * n).astype(int), axis=0), np.tile(np.arange(n)[:, None], 4)
+        )
     boxes = (cube(Design("sobol", 64, 1), 2) * 8).astype(int)
     assert np.array_equal(np.unique(boxes @ [8, 1], return_counts=True)[1], np.ones(64))
     assert "64 points cover" in Design("sobol", 50, 1).note
     assert "balanced" not in Design("sobol", 64, 1).note
-    rows = cube(Design("saltelli", 8, 1), 3).reshape(8, 5, 3)  # one column at a time from the other matrix
+    rows = cube(Design("saltelli", 8, 1), 3).reshape(
+        8, 5, 3
+    )  # one column at a time from the other matrix
     for i in range(3):
         others = [j for j in range(3) if j != i]
         assert np.array_equal(rows[:, 2 + i, i], rows[:, 1, i])

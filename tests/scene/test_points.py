@@ -28,7 +28,9 @@ def test_distinct_scenes_stand_for_all_and_a_list_of_scenes_is_the_same():
 
 def test_many_points_are_their_axes():
     values = "{linspace: [1, 100, 50]}"
-    study = tcstudy.load(QUICKSTART, [f"sweep={{alpha: {values}, theta_bar: {values}, friction.tau_s: {values}}}"])
+    study = tcstudy.load(
+        QUICKSTART, [f"sweep={{alpha: {values}, theta_bar: {values}, friction.tau_s: {values}}}"]
+    )
     assert len(study.scenes) == 50**3
     assert isinstance(study.scenes, Scenes)
     assert len(study.scenes.records["heat"]) == 50**2

@@ -22,7 +22,9 @@ def test_value_in_si() -> None:
         ("200 W·m⁻²·K⁻¹", units.HEAT_TRANSFER, 200.0),
         ("40 \u03bcm", units.LENGTH, 40e-6),  # the Greek letter; above the micro sign
     ):
-        assert to_si(*(split_quantity(text) or ("", "")), dimension) == value  # exact: as if written in SI
+        assert (
+            to_si(*(split_quantity(text) or ("", "")), dimension) == value
+        )  # exact: as if written in SI
 
 
 def test_what_is_not_a_quantity() -> None:
@@ -36,7 +38,12 @@ def test_what_is_not_a_quantity() -> None:
         ("5 kg", units.TRACTION, "'kg' is not a unit of a stress (Pa)", "write for example 20 MPa"),
         ("5 mpa", units.TRACTION, "'mpa' is not a known unit", "did you mean 'MPa'"),
         ("5 zork", units.LENGTH, "'zork' is not a known unit", "write for example 20 mm"),
-        ("20 °C", units.TEMPERATURE, "'°C' has its own zero", "write K or delta_degC: temperatures are"),
+        (
+            "20 °C",
+            units.TEMPERATURE,
+            "'°C' has its own zero",
+            "write K or delta_degC: temperatures are",
+        ),
         ("5 x", units.LENGTH, "'x' is not a known unit", "write 2*x, not 2 x"),
         ("5 m¹²³", units.LENGTH, "is not a unit", "write for example"),
         ("1e99999999999999999999 m", units.LENGTH, "too large", "write for example"),
@@ -51,7 +58,9 @@ def test_refused(text: str, dimension: units.Dimension, message: str, remedy: st
 
 def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
     code = "import sys, tcstudy.read.study; print({'ngsolve', 'xarray', 'pint', 'scipy'} & {*sys.modules})"
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert result.stdout.strip() == "set()"
 
 

@@ -35,9 +35,13 @@ def test_arc_through_three_points(center: Point, radius: float, sweep: float) ->
 
 
 def test_area_and_length_of_mixed_loops() -> None:
-    half_disc = Loop((Edge((-1, 0), (1, 0), "flat"), Edge((1, 0), (-1, 0), "round", through=(0, 1))))
+    half_disc = Loop(
+        (Edge((-1, 0), (1, 0), "flat"), Edge((1, 0), (-1, 0), "round", through=(0, 1)))
+    )
     assert shape.loop_area(half_disc) == pytest.approx(math.pi / 2, rel=1e-15)
-    bitten = Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.5)), SQUARE.edges[3]))
+    bitten = Loop(
+        (*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.5)), SQUARE.edges[3])
+    )
     assert shape.loop_area(bitten) == pytest.approx(1 - math.pi / 8, rel=1e-15)
     backwards = shape.polygon_loop([(0, 0), (0, 1), (1, 0)], "edge")
     assert shape.loop_area(backwards) == -0.5
@@ -65,7 +69,9 @@ def test_normals_and_distances_are_those_of_many_points(through: Point | None) -
     fine = shape.edge_points(edge, 20_000)
     tangents = fine[2:] - fine[:-2]
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    np.testing.assert_allclose(shape.edge_normal(edge, fine[1:-1]), tangents[:, ::-1] * [1.0, -1.0], atol=1e-6)
+    np.testing.assert_allclose(
+        shape.edge_normal(edge, fine[1:-1]), tangents[:, ::-1] * [1.0, -1.0], atol=1e-6
+    )
     points = np.random.default_rng(5).uniform(-4, 4, (50, 2))
     sampled = np.linalg.norm(points[:, None] - fine[None], axis=2).min(axis=1)
     np.testing.assert_allclose(shape.edge_distance(edge, points), sampled, atol=1e-3)

@@ -20,17 +20,32 @@ SQUARE = rectangle_loop((0.0, 0.0), 1.0, 1.0)
 HOLE = circle_loop((0.5, 0.5), 0.2, "bore")
 SOUND = {
     "square": Body(SQUARE),
-    "arc": Body(Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.7)), SQUARE.edges[3]))),
+    "arc": Body(
+        Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.7)), SQUARE.edges[3]))
+    ),
     "straight corner": Body(polygon_loop([(0, 0), (1, 0), (2, 0), (2, 1), (0, 1)], "edge")),
     "holes": Body(SQUARE, (HOLE, rectangle_loop((0.1, 0.1), 0.1, 0.1, ("a",) * 4))),
-    "region at the edge": Body(SQUARE, (), (Region("heater", rectangle_loop((0.0, 0.0), 0.5, 0.5)),)),
-    "region to rounding": Body(SQUARE, (), (Region("heater", rectangle_loop((0.7, 0.1), 0.3 + 1e-16, 0.5)),)),
-    "disc in disc": Body(circle_loop((0, 0), 1, "rim"), (), (Region("all", circle_loop((0, 0), 1, "")),)),
+    "region at the edge": Body(
+        SQUARE, (), (Region("heater", rectangle_loop((0.0, 0.0), 0.5, 0.5)),)
+    ),
+    "region to rounding": Body(
+        SQUARE, (), (Region("heater", rectangle_loop((0.7, 0.1), 0.3 + 1e-16, 0.5)),)
+    ),
+    "disc in disc": Body(
+        circle_loop((0, 0), 1, "rim"), (), (Region("all", circle_loop((0, 0), 1, "")),)
+    ),
     "region at the hole": Body(
-        SQUARE, (rectangle_loop((0.4, 0.4), 0.2, 0.2),), (Region("heater", rectangle_loop((0.2, 0.4), 0.2, 0.2)),)
+        SQUARE,
+        (rectangle_loop((0.4, 0.4), 0.2, 0.2),),
+        (Region("heater", rectangle_loop((0.2, 0.4), 0.2, 0.2)),),
     ),
     "regions side by side": Body(
-        SQUARE, (), (Region("a", rectangle_loop((0, 0), 0.5, 1)), Region("b", rectangle_loop((0.5, 0), 0.5, 1)))
+        SQUARE,
+        (),
+        (
+            Region("a", rectangle_loop((0, 0), 0.5, 1)),
+            Region("b", rectangle_loop((0.5, 0), 0.5, 1)),
+        ),
     ),
 }
 
@@ -41,7 +56,10 @@ def scaled(body: Body, factor: float, shift: float) -> Body:
 
     def loop(one: Loop) -> Loop:
         return Loop(
-            tuple(Edge(move(e.start), move(e.end), e.name, move(e.through) if e.through else None) for e in one.edges)
+            tuple(
+                Edge(move(e.start), move(e.end), e.name, move(e.through) if e.through else None)
+                for e in one.edges
+            )
         )
 
     assert body.outline is not None
@@ -69,7 +87,9 @@ def circle(x: float, y: float, radius: float) -> Loop:
 
 
 OPEN = Loop((*SQUARE.edges[:3], Edge((0, 1), (0, 0.1), "left")))
-COLLINEAR = Loop((Edge((0, 0), (1, 0), "a", (0.5, 0)), Edge((1, 0), (1, 1), "b"), Edge((1, 1), (0, 0), "c")))
+COLLINEAR = Loop(
+    (Edge((0, 0), (1, 0), "a", (0.5, 0)), Edge((1, 0), (1, 1), "b"), Edge((1, 1), (0, 0), "c"))
+)
 ROUND = [Edge((0, 0), (8, 0), "a"), Edge((8, 0), (7, 5), "b"), Edge((7, 5), (4, 6), "c")]
 ROUND = [*ROUND, Edge((4, 6), (1, 5), "d", (5.6, 6.1)), Edge((1, 5), (0, 0), "e")]
 OUTLINES: list[tuple[Loop, str, str]] = [
@@ -86,15 +106,27 @@ OUTLINES: list[tuple[Loop, str, str]] = [
         r"edge 2 \(e1\) and edge 5 \(e4\).*at \(0.5, 0.5\)",
     ),
     (polygon((0, 0), (0, 1), (1, 1), (1, 0)), "body.outline", "clockwise.*reverse the order"),
-    (polygon((0, 0), (1, 1), (1, 0), (0, 1)), "body.outline[0]", r"edge 1 \(e0\) and edge 3 \(e2\).*\(0.5, 0.5\)"),
-    (polygon((0, 0), (2, 0), (2, 1), (1, 1e-7), (0, 1)), "body.outline[0]", r"edge 1 \(e0\) and edge 3 \(e2\)"),
+    (
+        polygon((0, 0), (1, 1), (1, 0), (0, 1)),
+        "body.outline[0]",
+        r"edge 1 \(e0\) and edge 3 \(e2\).*\(0.5, 0.5\)",
+    ),
+    (
+        polygon((0, 0), (2, 0), (2, 1), (1, 1e-7), (0, 1)),
+        "body.outline[0]",
+        r"edge 1 \(e0\) and edge 3 \(e2\)",
+    ),
     (
         polygon((0, 0), (2, 0), (0.5, 1e-5), (0, 1)),
         "body.outline[1]",
         r"edge 2 \(e1\) runs back along edge 1 \(e0\) from \(2, 0\)",
     ),
     (bitten((0.5, -0.2)), "body.outline[0]", r"edge 1 \(bottom\) and edge 3 \(bite\)"),
-    (bitten((0.5, 0.5)), "body.outline[2]", r"edge 3 \(bite\) runs back along edge 2 \(right\) from \(1, 1\).*angle"),
+    (
+        bitten((0.5, 0.5)),
+        "body.outline[2]",
+        r"edge 3 \(bite\) runs back along edge 2 \(right\) from \(1, 1\).*angle",
+    ),
     (Loop(tuple(ROUND)), "body.outline", "an arc goes around.*between its from and"),
 ]
 HOLES: list[tuple[tuple[Loop, ...], str, str]] = [
@@ -115,12 +147,17 @@ REGIONS: list[tuple[tuple[Loop, ...], tuple[Loop, ...], str, str]] = [
 FAULTY = [
     *((Body(loop), where, words) for loop, where, words in OUTLINES),
     *((Body(SQUARE, holes), where, words) for holes, where, words in HOLES),
-    *((Body(SQUARE, holes, tuple(map(Region, "ab", loops))), where, words) for loops, holes, where, words in REGIONS),
+    *(
+        (Body(SQUARE, holes, tuple(map(Region, "ab", loops))), where, words)
+        for loops, holes, where, words in REGIONS
+    ),
 ]
 
 
 @pytest.mark.parametrize(("body", "where", "words"), FAULTY)
-def test_faults_are_named_with_place_and_remedy_in_any_unit_of_length(body: Body, where: str, words: str) -> None:
+def test_faults_are_named_with_place_and_remedy_in_any_unit_of_length(
+    body: Body, where: str, words: str
+) -> None:
     start = time.process_time()
     faults = check_body(body)
     assert time.process_time() - start < 5.0
@@ -136,7 +173,9 @@ def test_long_outlines_are_checked_soon_and_wholly() -> None:
     """A check of all pairs takes minutes."""
     angles = np.linspace(0, 2 * math.pi, 1500, endpoint=False)
     radii = 1 + 0.05 * np.cos(40 * angles)
-    points = [(float(r * math.cos(a)), float(r * math.sin(a))) for r, a in zip(radii, angles, strict=True)]
+    points = [
+        (float(r * math.cos(a)), float(r * math.sin(a))) for r, a in zip(radii, angles, strict=True)
+    ]
     start = time.process_time()
     assert check_body(Body(polygon_loop(points, "edge"))) == []
     points[1200], points[1205] = points[1205], points[1200]
@@ -167,6 +206,8 @@ def simple(points: list[tuple[int, int]]) -> bool:
     for (a, b), (c, d) in combinations(sides, 2):
         crossing = side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
         own = [on(a, b, c), on(a, b, d), on(c, d, a), on(c, d, b)]
-        if crossing or sum(own) > 2 * ((b == c) + (d == a)):  # sides that follow share one end, which both sides see
+        if crossing or sum(own) > 2 * (
+            (b == c) + (d == a)
+        ):  # sides that follow share one end, which both sides see
             return False
     return len(set(points)) == n

@@ -1,4 +1,5 @@
-"""Finished files that grow: what they have stays to the bit, only the rest is solved; what does not fit is refused."""
+"""Finished files that grow: what they have stays to the bit, only the rest is solved; what does not
+fit is refused."""
 
 from pathlib import Path
 
@@ -43,13 +44,17 @@ def same(part: xr.DataTree, whole: xr.DataTree) -> None:
             one, two = (d.assign_coords(root.coords) for d, root in ((one, part), (two, whole)))
         for name, values in one.data_vars.items():
             other = two[name].sel({axis: one[axis] for axis in ("E", "tau") if axis in values.dims})
-            xr.testing.assert_equal(values.drop_vars(list(values.coords)), other.drop_vars(list(other.coords)))
+            xr.testing.assert_equal(
+                values.drop_vars(list(values.coords)), other.drop_vars(list(other.coords))
+            )
 
 
 class Counted:
     """How many points are solved; a run is stopped after so many."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, fail_at: float = np.nan, most: float = np.inf) -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, fail_at: float = np.nan, most: float = np.inf
+    ) -> None:
         self.points, self.most = 0, most
         original = level_solver.solve_block
 
@@ -65,8 +70,13 @@ class Counted:
 
 
 @pytest.mark.parametrize("more", ["output.fields=true", "solver.branch=continued"])
-def test_append_solves_only_new_points(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: str) -> None:
-    output, new = tmp_path / "out.nc", study(file, "sweep={E: [2, 1, 1.5], tau: [0.01, 0.02]}", more)
+def test_append_solves_only_new_points(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: str
+) -> None:
+    output, new = (
+        tmp_path / "out.nc",
+        study(file, "sweep={E: [2, 1, 1.5], tau: [0.01, 0.02]}", more),
+    )
     old = tcstudy.run(study(file, GRID, more), output).tree  # the file grows
     counted = Counted(monkeypatch)
     tree = tcstudy.run(new, output, append=True)
@@ -78,7 +88,9 @@ def test_append_solves_only_new_points(file: Path, tmp_path: Path, monkeypatch: 
         np.testing.assert_allclose(tree[name].values, whole[name].values, rtol=1e-10)
     assert tree.attrs["history"].count("\n") == 1
     counted.points = 0
-    assert tcstudy.run(new, output)["status"].identical(tree["status"])  # it holds the study's results
+    assert tcstudy.run(new, output)["status"].identical(
+        tree["status"]
+    )  # it holds the study's results
     assert counted.points == 0
     assert not output.with_name("out.nc.partial").exists()
 
@@ -93,12 +105,16 @@ def test_append_of_other_values_makes_the_grid_of_all(
     same(old, tree)
     assert tree["status"].shape == (3, 3, 2)
     assert np.all(tree["status"] == int(PointStatus.OK))
-    again = tcstudy.load(file, tree.attrs["overrides"].split("\n"))  # the file says which study it holds
+    again = tcstudy.load(
+        file, tree.attrs["overrides"].split("\n")
+    )  # the file says which study it holds
     assert tcstudy.run(again, output)["status"].identical(tree["status"])
     assert counted.points == 5 * 2
 
 
-def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_solves_again_what_broke_down(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Stopped in the middle it leaves the old file and goes on from there."""
     output = tmp_path / "out.nc"
     with monkeypatch.context() as patch:
@@ -127,7 +143,9 @@ def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypa
     assert {path.name for path in tmp_path.iterdir()} == {"study.yaml", "out.nc"}
 
 
-def test_what_does_not_fit_is_refused_in_one_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_does_not_fit_is_refused_in_one_line(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     output, words = file.with_name("out.nc"), ["run", str(file), "--set", "sweep.E=[2, 1]"]
     file.write_text(TEXT + "sweep: {E: [1], tau: [0.01, 0.02]}\n")
     assert main([*words, "--output", str(output)]) == 0
@@ -178,7 +196,10 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
     old = study_of(RECTANGLE, "sweep={E: [1, 2], tau: [0.01, 0.02]}")
     new = study_of(RECTANGLE, "sweep={tau: [0.03], E: [2, 1.5]}")
     both = merge_studies(old, new)
-    assert [(axis.name, axis.labels) for axis in both.axes] == [("E", (1.0, 1.5, 2.0)), ("tau", (0.01, 0.02, 0.03))]
+    assert [(axis.name, axis.labels) for axis in both.axes] == [
+        ("E", (1.0, 1.5, 2.0)),
+        ("tau", (0.01, 0.02, 0.03)),
+    ]
     assert [places_in(both, one).tolist() for one in (old, new)] == [[0, 1, 6, 7], [8, 5]]
     for study in (old, new):
         for place, scene in zip(places_in(both, study), study.scenes, strict=True):
@@ -187,7 +208,8 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new"), [("[20 kPa, 70 kPa]", "{geomspace: [0.03 MPa, 0.1 MPa, 3]}"), ("[20 psi, 0]", "[30000]")]
+    ("old", "new"),
+    [("[20 kPa, 70 kPa]", "{geomspace: [0.03 MPa, 0.1 MPa, 3]}"), ("[20 psi, 0]", "[30000]")],
 )
 @pytest.mark.parametrize("mode", ["", "mode: zip, "])
 def test_the_union_has_the_numbers_of_both_in_their_units(old: str, new: str, mode: str) -> None:
@@ -196,7 +218,10 @@ def test_the_union_has_the_numbers_of_both_in_their_units(old: str, new: str, mo
     both = merge_studies(one, two)
     (axis,) = both.axes
     assert sorted(axis.labels) == sorted((*one.axes[0].labels, *two.axes[0].labels))
-    again = merge_studies(read_study_text(both.text, "file", both.overrides), study_of(SI, f"sweep={{{mode}tau: [5]}}"))
+    again = merge_studies(
+        read_study_text(both.text, "file", both.overrides),
+        study_of(SI, f"sweep={{{mode}tau: [5]}}"),
+    )
     assert sorted(again.axes[0].labels) == sorted((*axis.labels, 5.0))
 
 
@@ -212,7 +237,10 @@ def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
 
 
 def test_a_grid_that_would_be_too_large_is_refused() -> None:
-    grids = "E: {linspace: [1, 2, 1000]}, tau: [0.01]", "E: [3], tau: {linspace: [0.02, 0.03, 1000]}"
+    grids = (
+        "E: {linspace: [1, 2, 1000]}, tau: [0.01]",
+        "E: [3], tau: {linspace: [0.02, 0.03, 1000]}",
+    )
     with pytest.raises(StudyError, match="1002001 points"):
         merge_studies(*(study_of(RECTANGLE, f"sweep={{{grid}}}") for grid in grids))
 
@@ -222,9 +250,17 @@ def test_materials_and_laws_by_name_keep_their_names() -> None:
     text = (CONFIGS / "coated_block.yaml").read_text().split("sweep:")[0]
     text = text.replace("{law: tresca, tau: 5 MPa}", "{bottom: {law: tresca, tau: 5 MPa}}")
     coating = "materials.coating: {NAME: {E: NAME GPa, nu: 0.3}}, friction.bottom: {low: {law: tresca, tau: 1 MPa}}"
-    old, new = (study_of(text, f"sweep={{{coating.replace('NAME', name)}}}") for name in ("200", "3"))
+    old, new = (
+        study_of(text, f"sweep={{{coating.replace('NAME', name)}}}") for name in ("200", "3")
+    )
     both = merge_studies(old, new)
     assert [axis.labels for axis in both.axes] == [("200", "3"), ("low",)]
-    assert [both.scenes[int(places_in(both, one)[0])] == one.scenes[0] for one in (old, new)] == [True, True]
+    assert [both.scenes[int(places_in(both, one)[0])] == one.scenes[0] for one in (old, new)] == [
+        True,
+        True,
+    ]
     listed = study_of(text, "sweep={mode: zip, " + coating.replace("NAME", "70") + "}")
-    assert [axis.labels for axis in merge_studies(both, listed).axes] == [("200", "3", "70"), ("low",) * 3]
+    assert [axis.labels for axis in merge_studies(both, listed).axes] == [
+        ("200", "3", "70"),
+        ("low",) * 3,
+    ]

@@ -1,4 +1,5 @@
-"""`solver: {branch: all}`: every solution of every point in the file, its proofs, limits, growth, table and map."""
+"""`solver: {branch: all}`: every solution of every point in the file, its proofs, limits, growth,
+table and map."""
 
 from pathlib import Path
 
@@ -14,7 +15,9 @@ from tests.verification.scenes import BRITTLE, QUICKSTART, quickstart_problems
 SWEEP = "sweep={boundary.end.g: [[2 MPa, 0], [20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"
 
 
-def study(*more: str, sweep: str = SWEEP, law: str = f"{{law: piecewise-linear, points: {BRITTLE}}}") -> tcstudy.Study:
+def study(
+    *more: str, sweep: str = SWEEP, law: str = f"{{law: piecewise-linear, points: {BRITTLE}}}"
+) -> tcstudy.Study:
     law = f"friction={law}"
     return tcstudy.load(QUICKSTART, ["mesh.levels=1", "solver={branch: all}", law, sweep, *more])
 
@@ -38,10 +41,18 @@ def test_the_file_has_every_solution_and_its_proofs(file: Path) -> None:
             own = line["solution_point"].values == np.ravel_multi_index((g, theta), shape)
             found = all_solutions(problem)
             assert int(at["solutions"]) == len(found) == own.sum()
-            assert int(at["stable_solutions"]) == found.stable.sum() == line["solution_stable"].values[own].sum()
-            np.testing.assert_allclose(line["solution_u_T"].values[own], found.v, rtol=1e-9, atol=1e-15)
+            assert (
+                int(at["stable_solutions"])
+                == found.stable.sum()
+                == line["solution_stable"].values[own].sum()
+            )
+            np.testing.assert_allclose(
+                line["solution_u_T"].values[own], found.v, rtol=1e-9, atol=1e-15
+            )
             np.testing.assert_array_equal(line["solution_piece"].values[own], found.sides)
-            assert float(at["energy"]) == pytest.approx(line["solution_energy"].values[own].min(), rel=1e-9)
+            assert float(at["energy"]) == pytest.approx(
+                line["solution_energy"].values[own].min(), rel=1e-9
+            )
             assert int(at["global_minimum"]) == 1
             assert int(at["unique"]) == (len(found) == 1)
         assert np.all(root["solutions"].values % 2 == 1)
@@ -55,16 +66,28 @@ def test_limits_and_polygons_are_told_and_claim_nothing(tmp_path: Path) -> None:
     assert np.all(count[complete == 1] == 1)
     assert "all equilibria proved at 1 of 6 (1 each)" in verdict_of(tmp_path / "few.nc")[0]
     law = "{law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
-    found = tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", law=law), tmp_path / "decay.nc")
+    found = tcstudy.run(
+        study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", law=law), tmp_path / "decay.nc"
+    )
     assert found["complete"].values.ravel().tolist() == [2]
     assert "of the polygons of exponential laws" in verdict_of(tmp_path / "decay.nc")[0]
 
 
 def test_a_file_that_grows_keeps_them(file: Path, tmp_path: Path) -> None:
     path = tmp_path / "grown.nc"
-    tcstudy.run(study(sweep="sweep={boundary.end.g: [[2 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"), path)
+    tcstudy.run(
+        study(sweep="sweep={boundary.end.g: [[2 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"), path
+    )
     more = "sweep={boundary.end.g: [[20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"
     grown = tcstudy.run(study(sweep=more), path, append=True)
     with xr.open_datatree(file) as whole:
-        for name in ("solution_point", "solution_piece", "solution_energy", "solution_u_T", "solution_stable"):
-            np.testing.assert_allclose(grown["level_0"][name], whole["level_0"][name], rtol=1e-9, atol=1e-15)
+        for name in (
+            "solution_point",
+            "solution_piece",
+            "solution_energy",
+            "solution_u_T",
+            "solution_stable",
+        ):
+            np.testing.assert_allclose(
+                grown["level_0"][name], whole["level_0"][name], rtol=1e-9, atol=1e-15
+            )

@@ -1,4 +1,5 @@
-"""Fits of histories, of smooth laws, from many starts, to several tests, under a factor of loads."""
+"""Fits of histories, of smooth laws, from many starts, to several tests, under a factor of
+loads."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -45,14 +46,17 @@ fit:
     friction.points.1: {start: 5 MPa, within: [0.2 MPa, 30 MPa]}
     history.stiffness: {start: 100 GPa/m, within: [10 GPa/m, 1000 GPa/m]}
 """
-PULLED = np.r_[np.linspace(0, 2e-4, 5), np.linspace(2e-4, -1.5e-4, 7)[1:], np.linspace(-1.5e-4, 2.5e-4, 6)[1:]]
+PULLED = np.r_[
+    np.linspace(0, 2e-4, 5), np.linspace(2e-4, -1.5e-4, 7)[1:], np.linspace(-1.5e-4, 2.5e-4, 6)[1:]
+]
 """(16,) where the steps have pulled it [m]."""
 FOUND = (TAU, TAU + 1e-3 * RISE, K)
 """What is sought."""
 
 
 def returned(U: Array) -> Array:
-    """(n,) resultants of the rigid block pulled to U, by the return map written down for one point."""
+    """(n,) resultants of the rigid block pulled to U, by the return map written down for one
+    point."""
     p, kappa, found = 0.0, 0.0, []
     for u in U:
         trial = K * (u - p)
@@ -82,7 +86,9 @@ REFUSED_HISTORIES = (
 
 
 @pytest.mark.parametrize(("change", "told"), REFUSED_HISTORIES)
-def test_what_a_fit_of_a_history_does_not_take(tmp_path: Path, change: dict[str, str], told: str) -> None:
+def test_what_a_fit_of_a_history_does_not_take(
+    tmp_path: Path, change: dict[str, str], told: str
+) -> None:
     text = RIGID
     for old, new in change.items():
         assert old in text
@@ -115,20 +121,28 @@ def by_points(folder: Path, P: Array, delta: Array, smooth: bool) -> Study:
     start = [f"{6.0 - s / 30.0:g} MPa" for s in PLACES]
     points = ", ".join(f"[{s:g} um, {b}]" for s, b in zip(PLACES, start, strict=True))
     text = PULL.replace("POINTS", points).replace("SMOOTH", str(smooth).lower())
-    text += "".join(f"    friction.points.{i}: {{start: {b}, within: [0 MPa, 20 MPa]}}\n" for i, b in enumerate(start))
+    text += "".join(
+        f"    friction.points.{i}: {{start: {b}, within: [0 MPa, 20 MPa]}}\n"
+        for i, b in enumerate(start)
+    )
     return fitted(folder, text, "Delta [mm],P [N/mm]", delta, P)
 
 
 @pytest.mark.parametrize(("bent", "factor"), [(False, 0.9), (True, 1.5)])
 def test_a_smooth_law_is_nearer_to_the_true_one(tmp_path: Path, bent: bool, factor: float) -> None:
-    """A straight fall is found with two or three numbers; one that bends is not flattened by the weight."""
+    """A straight fall is found with two or three numbers; one that bends is not flattened by the
+    weight."""
     truth = 1e6 * (np.maximum(7.2 - PLACES / 11.0, 1.5) if bent else 7.2 - 7.2 * PLACES / 170.0)
     delta = 1e-3 * np.linspace(5.0, 210.0, 16)
     own = by_points(tmp_path, delta, delta, smooth=False)
     assert own.fit is not None
-    P = 1e-3 * model_of(own, own.fit).compared(truth).predicted + 2.2 * np.random.default_rng(1).normal(size=16)
+    P = 1e-3 * model_of(own, own.fit).compared(truth).predicted + 2.2 * np.random.default_rng(
+        1
+    ).normal(size=16)
     free, smooth = (fit(by_points(tmp_path, P, delta, one)) for one in (False, True))
-    apart = [np.sqrt(np.mean((record.values["estimate"] - truth) ** 2)) for record in (free, smooth)]
+    apart = [
+        np.sqrt(np.mean((record.values["estimate"] - truth) ** 2)) for record in (free, smooth)
+    ]
     assert apart[1] < factor * apart[0]
     assert np.all(smooth.values["standard_error"] < 1.05 * free.values["standard_error"])
     assert 2.0 < float(smooth.attributes["numbers_decided"]) < 7.0
@@ -139,7 +153,9 @@ def test_a_smooth_law_is_nearer_to_the_true_one(tmp_path: Path, bent: bool, fact
 
 def test_a_law_of_two_points_cannot_be_smooth(tmp_path: Path) -> None:
     study = by_points(tmp_path, np.arange(9.0), np.arange(9.0), smooth=True)
-    rest = "\n".join(line for line in study.text.splitlines() if "points." not in line or "points.1" in line)
+    rest = "\n".join(
+        line for line in study.text.splitlines() if "points." not in line or "points.1" in line
+    )
     with pytest.raises(StudyError, match="at least three of its points"):
         read_study_text(rest, "a.yaml", source=tmp_path / "a.yaml")
 
@@ -147,7 +163,10 @@ def test_a_law_of_two_points_cannot_be_smooth(tmp_path: Path) -> None:
 def test_an_assumed_noise_does_not_end_the_search(tmp_path: Path) -> None:
     """A known one does (test_fit)."""
     found = tcstudy.run(
-        heated(tmp_path, HEATED.replace("  noise: {", "  # {").replace("maxh: 20 mm", "maxh: 50 mm")), tmp_path / "b.nc"
+        heated(
+            tmp_path, HEATED.replace("  noise: {", "  # {").replace("maxh: 20 mm", "maxh: 50 mm")
+        ),
+        tmp_path / "b.nc",
     )
     assert found["start_count"].values.tolist() == [5]  # all agree
     words = "u_T_max and friction_resultant are measured equally well, in parts of their ranges"
@@ -180,7 +199,8 @@ TRUE = np.array([10e9, 3e9])
 
 
 def bars(folder: Path, text: str = BAR + SHORT) -> Study:
-    """A bar on a film, whose pull at x = L takes √(k E H) tanh(√(k/(E H)) L) a length: of a long one the tanh is 1."""
+    """A bar on a film, whose pull at x = L takes √(k E H) tanh(√(k/(E H)) L) a length: of a long
+    one the tanh is 1."""
     for name, L in (("long", 0.15), ("short", 0.01)):
         k, EH = TRUE[0], 2e-3 * TRUE[1]
         stiffness = np.sqrt(k * EH) * np.tanh(np.sqrt(k / EH) * L)
@@ -190,7 +210,8 @@ def bars(folder: Path, text: str = BAR + SHORT) -> Study:
 
 
 def test_tests_decide_together_what_none_decides_alone(tmp_path: Path) -> None:
-    """The long bar alone knows k E only. Precisions of independent data add, each taken at the same numbers."""
+    """The long bar alone knows k E only. Precisions of independent data add, each taken at the same
+    numbers."""
     together = bars(tmp_path)
     found = fit(together)
     assert found.values["estimate"] == pytest.approx(TRUE, rel=0.03)  # the mesh's error
@@ -201,7 +222,10 @@ def test_tests_decide_together_what_none_decides_alone(tmp_path: Path) -> None:
     precision = np.zeros((2, 2))
     for one in (together, *together.tests):
         assert one.fit is not None
-        rates = model_of(one, one.fit).compared(found.values["estimate"]).jacobian * found.values["estimate"]
+        rates = (
+            model_of(one, one.fit).compared(found.values["estimate"]).jacobian
+            * found.values["estimate"]
+        )
         precision += rates.T @ rates
     assert found.values["covariance"] == pytest.approx(np.linalg.inv(precision), rel=1e-6)
     alone = fit(bars(tmp_path, BAR))
@@ -213,7 +237,11 @@ def test_what_is_wrong_with_a_test_is_said_at_its_place(tmp_path: Path) -> None:
     for old, new, said in (
         ("short.csv", "none.csv", "fit.yaml:16:7: fit.tests[0]: fit.data.file: none.csv"),
         ("with: {L: 10 mm}", "with: {M: 10 mm}", "fit.tests[0]"),
-        ("columns: {boundary.right.u_x", "columns: {boundary.right.u_z", "fit.tests[0]: fit.data.columns"),
+        (
+            "columns: {boundary.right.u_x",
+            "columns: {boundary.right.u_z",
+            "fit.tests[0]: fit.data.columns",
+        ),
     ):
         with pytest.raises(StudyError) as info:
             bars(tmp_path, BAR + SHORT.replace(old, new))
@@ -237,12 +265,17 @@ G, TAU_0, LOAD, THETA = (
 )
 
 
-def strip_and_numbers(folder: Path, given: str, measured: str, t: Array, *numbers: str) -> tuple[fits.Tests, Array]:
+def strip_and_numbers(
+    folder: Path, given: str, measured: str, t: Array, *numbers: str
+) -> tuple[fits.Tests, Array]:
     """Tests of a strip and the numbers to find, against some data at the loads t."""
     (name, unit, compare), y = ("u_T_max", "um", "vertical"), np.linspace(20.0, 40.0, len(t))
     if measured == "P":
         (name, unit, compare), y = ("friction_resultant", "N/mm", "orthogonal"), 8.0 * y
-    head = ["g" + {"load": "", "boundary.right.g_x": " [MPa]", "heat.theta_bar": " [K]"}[given], f"{measured} [{unit}]"]
+    head = [
+        "g" + {"load": "", "boundary.right.g_x": " [MPa]", "heat.theta_bar": " [K]"}[given],
+        f"{measured} [{unit}]",
+    ]
     text = HEATED_STRIP.replace("PARAMETERS", ", ".join(numbers)).replace("COMPARE", compare)
     text = text.replace("COLUMNS", f'{given}: "{head[0]}", {name}: "{head[1]}"')
     study = fitted(folder, text, ",".join(head), t, y)
@@ -281,7 +314,10 @@ REFUSED = {
     ("u [um]", "u [K]"): "'K' is not a unit of a length",
     ("0.5 um", "-1 um"): "fit.noise.u_T_max: must be above 0",
     ('"R [kN/m]"', '"Q [kN/m]"'): "the table has no column 'Q [kN/m]'",
-    ('u_T_max: "u', 'u_Tmax: "u'): "no column can be u_Tmax: it is none that is known here; did you mean 'u_T_max'",
+    (
+        'u_T_max: "u',
+        'u_Tmax: "u',
+    ): "no column can be u_Tmax: it is none that is known here; did you mean 'u_T_max'",
     ("friction.tau:", "body.rectangle.width:"): "it moves the mesh",
     (
         "alpha_T: {start: 8e-6 1/K, within: [1e-6 1/K, 1e-4 1/K]",
@@ -289,18 +325,28 @@ REFUSED = {
     ): "between -1 and 0.5",
     ("start: 2 MPa", "start: 40 MPa"): "lies outside within",
     ("[0.2 MPa, 20 MPa]", "[-1 MPa, 20 MPa]"): "friction.tau = -1e+06: must be at least 0",
-    ("mesh: {maxh: 20 mm}", "mesh: {maxh: 20 mm}\nsweep: {tau: [1 MPa, 2 MPa]}"): "but the study has a sweep",
+    (
+        "mesh: {maxh: 20 mm}",
+        "mesh: {maxh: 20 mm}\nsweep: {tau: [1 MPa, 2 MPa]}",
+    ): "but the study has a sweep",
     ("  noise", "  compare: orthogonal\n  noise"): "distances to a path need two columns",
     ("file: heated.csv", "file: warmed.csv"): "name a CSV table beside the study",
     ("\n20.000000,", "\n1e999,"): "heated.csv:2:1: 1e999 K is too large for a number",
     ("T [K],u [um],R [kN/m]\n", ""): "heated.csv:1:1: the table has no headings",
-    ("T [K],u [um],R", "T [K];u [um];R"): "heated.csv:1:1: columns are separated by semicolons; write commas",
+    (
+        "T [K],u [um],R",
+        "T [K];u [um];R",
+    ): "heated.csv:1:1: columns are separated by semicolons; write commas",
     (",", ",5,"): "has 5 entries, but the header 3, and 11 other lines likewise",
 }
 
 
-@pytest.mark.parametrize(("change", "said"), REFUSED.items(), ids=[said[:40] for said in REFUSED.values()])
-def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+@pytest.mark.parametrize(
+    ("change", "said"), REFUSED.items(), ids=[said[:40] for said in REFUSED.values()]
+)
+def test_what_cannot_be_fitted_is_refused(
+    tmp_path: Path, change: tuple[str, str], said: str
+) -> None:
     heated(tmp_path)
     old, new = change
     table = tmp_path / "heated.csv"
@@ -315,21 +361,31 @@ def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str
     with pytest.raises(StudyError) as info:
         read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml")
     assert said in str(info.value)
-    assert len({(problem.line, problem.column) for problem in info.value.problems}) == len(info.value.problems)
+    assert len({(problem.line, problem.column) for problem in info.value.problems}) == len(
+        info.value.problems
+    )
 
 
-def test_data_of_a_path_in_no_order_and_laws_that_vary_along_the_line_are_refused(tmp_path: Path) -> None:
+def test_data_of_a_path_in_no_order_and_laws_that_vary_along_the_line_are_refused(
+    tmp_path: Path,
+) -> None:
     """Feet on a path go forward with the data."""
     data = pulled(45)
     study_of(tmp_path, data[::-1])
     with pytest.raises(StudyError, match="the data jump to and fro"):
         study_of(tmp_path, np.random.default_rng(1).permutation(data))
-    with pytest.raises(StudyError, match=r"fit.compare: a path takes one law, the same all along the contact line"):
+    with pytest.raises(
+        StudyError, match=r"fit.compare: a path takes one law, the same all along the contact line"
+    ):
         study_of(tmp_path, data, {"delta: 0.3 mm}": 'delta: 0.3 mm, strength: "1 + x"}'})
 
 
 def test_numbers_that_nothing_depends_on_are_named(tmp_path: Path) -> None:
-    text = HEATED.replace('u_T_max: "u [um]", friction_resultant: "R [kN/m]"', 'theta_mean: "T [K]"')
-    text = text.replace('theta: "T [K]"', 'boundary.left.u_x: "u [um]"', 1).replace("  noise", "  # noise")
+    text = HEATED.replace(
+        'u_T_max: "u [um]", friction_resultant: "R [kN/m]"', 'theta_mean: "T [K]"'
+    )
+    text = text.replace('theta: "T [K]"', 'boundary.left.u_x: "u [um]"', 1).replace(
+        "  noise", "  # noise"
+    )
     with pytest.raises(FitError, match=r"do not depend on friction\.tau, alpha_T"):
         fit(heated(tmp_path, text))

@@ -1,4 +1,5 @@
-"""Laws of their own on two edges: a node where they meet has its parts of both; closed forms, a chosen solution."""
+"""Laws of their own on two edges: a node where they meet has its parts of both; closed forms, a
+chosen solution."""
 
 from pathlib import Path
 
@@ -21,7 +22,10 @@ from tests.commands import CONFIGS
 Array = NDArray[np.float64]
 LINEAR, TRESCA = "{law: linear, k: 1}", "{law: tresca, tau: 0.2}"
 FALLING = "{law: slip-weakening, tau_s: 0.3, tau_k: 0.1, delta: 1}"
-QUICK, SLOW = "{law: exponential, a: 0.3, b: 0.1, delta: 0.3}", "{law: exponential, a: 0.2, b: 0.1, delta: 0.5}"
+QUICK, SLOW = (
+    "{law: exponential, a: 0.3, b: 0.1, delta: 0.3}",
+    "{law: exponential, a: 0.2, b: 0.1, delta: 0.5}",
+)
 
 BLOCK = """
 units: none
@@ -36,7 +40,8 @@ mesh: {maxh: MAXH, levels: LEVELS}
 
 
 def block(film: str, shoe: str, maxh: float = 0.25, levels: int = 1, cut: float = 0.5) -> str:
-    """A block between rollers, sheared from above, so that all of Γ_C slips; two films meet under it."""
+    """A block between rollers, sheared from above, so that all of Γ_C slips; two films meet under
+    it."""
     text = BLOCK.replace("CUT", str(cut)).replace("MAXH", str(maxh)).replace("LEVELS", str(levels))
     return text.replace("FILM", film).replace("SHOE", shoe)
 
@@ -51,18 +56,27 @@ def test_the_resultant_of_two_bonds_that_slip_is_exact_on_every_mesh(tmp_path: P
     text = block(TRESCA, "{law: tresca, tau: 0.05}", 0.3, levels=3, cut=0.3)
     tcstudy.run(read_study_text(text), tmp_path / "out.nc")
     with xr.open_datatree(tmp_path / "out.nc") as tree:
-        np.testing.assert_allclose(tree.dataset["friction_resultant"], 0.3 * 0.2 + 0.7 * 0.05, rtol=1e-12)
+        np.testing.assert_allclose(
+            tree.dataset["friction_resultant"], 0.3 * 0.2 + 0.7 * 0.05, rtol=1e-12
+        )
         for level in range(3):
             line = tree[f"level_{level}"].dataset
             node, share = int(line["joint_node"][0]), float(line["joint_share"][0])
-            assert line["joint_edge"].attrs["flag_meanings"].split()[int(line["joint_edge"][0])] == "film"
-            assert float(line["xi"][node]) == pytest.approx(share * 0.2 + (1 - share) * 0.05, rel=1e-12)
+            assert (
+                line["joint_edge"].attrs["flag_meanings"].split()[int(line["joint_edge"][0])]
+                == "film"
+            )
+            assert float(line["xi"][node]) == pytest.approx(
+                share * 0.2 + (1 - share) * 0.05, rel=1e-12
+            )
             before = float(line["x"][node] - line["x"][node - 1])
             assert share * float(line["c"][node]) == pytest.approx(0.5 * before, rel=1e-9)
 
 
 @pytest.mark.parametrize(("film", "shoe"), [(LINEAR, TRESCA), (FALLING, SLOW), (QUICK, SLOW)])
-def test_the_least_energy_is_that_of_a_sum_over_the_halves_of_segments(film: str, shoe: str) -> None:
+def test_the_least_energy_is_that_of_a_sum_over_the_halves_of_segments(
+    film: str, shoe: str
+) -> None:
     """Minimised by SciPy, friction summed segment by segment with the law of its edge."""
     level, scene = level_of(block(film, shoe, 0.3))
     problem, line = level.condensed(scene).problem, level.line
@@ -73,12 +87,16 @@ def test_the_least_energy_is_that_of_a_sum_over_the_halves_of_segments(film: str
         friction = 0.0
         for nodes, ends, middle in zip(line.unknowns, line.ends, middles, strict=True):
             law = laws["film" if middle[0] < 0.5 else "shoe"]
-            friction += 0.5 * float(np.linalg.norm(ends[1] - ends[0])) * float(np.sum(law.j(v[nodes])))
+            friction += (
+                0.5 * float(np.linalg.norm(ends[1] - ends[0])) * float(np.sum(law.j(v[nodes])))
+            )
         return float(0.5 * v @ problem.A_tilde @ v - problem.l_tilde @ v) + friction
 
     assert np.all(line.unknowns >= 0)
     answer = solve_contact(problem)
-    found = scipy.optimize.minimize(energy, np.full(line.m, 0.5), method="BFGS", options={"gtol": 1e-9})
+    found = scipy.optimize.minimize(
+        energy, np.full(line.m, 0.5), method="BFGS", options={"gtol": 1e-9}
+    )
     np.testing.assert_allclose(answer.v, found.x, atol=1e-5)
     assert energy(answer.v) == pytest.approx(answer.energy, abs=1e-7)
     assert energy(answer.v) <= found.fun + 1e-7
@@ -88,12 +106,17 @@ def test_a_ring_of_two_edges_has_two_joints() -> None:
     """A hole whose halves are two films; materials differ on both sides, which weighs nothing."""
     roles = "film: free, shoe: free, upper: contact, lower: contact, top"
     text = block(FALLING, TRESCA).replace("film: contact, shoe: contact, top", roles)
-    text = text.replace("friction: {film", "friction: {upper").replace("shoe: {law: tr", "lower: {law: tr")
+    text = text.replace("friction: {film", "friction: {upper").replace(
+        "shoe: {law: tr", "lower: {law: tr"
+    )
     hole = (
         "holes: [{outline: [{from: [0.3, 0.5], through: [0.5, 0.3], edge: lower}, {from: [0.7, 0.5], through: "
         "[0.5, 0.7], edge: upper}]}], regions: {stiff: {rectangle: {corner: [0.75, 0], width: 0.25, height: 1}}}}"
     )
-    text = text.replace("edge: left}]}", f"edge: left}}], {hole}") + "materials: {stiff: {lambda: 6, mu: 4}}\n"
+    text = (
+        text.replace("edge: left}]}", f"edge: left}}], {hole}")
+        + "materials: {stiff: {lambda: 6, mu: 4}}\n"
+    )
     level, scene = level_of(text)
     joints, line = level.line.joints, level.line
     assert sorted(line.xy[joints.node, 0].tolist()) == pytest.approx([0.3, 0.7])
@@ -101,8 +124,13 @@ def test_a_ring_of_two_edges_has_two_joints() -> None:
     law = level.law(scene)
     assert isinstance(law, Laws)
     for node, edge, share in zip(*joints, strict=True):
-        own, before = (scene.laws[("upper", "lower").index(line.edge_names[k])] for k in (line.edge[node], edge))
-        assert law.single(int(node)).b(0.3) == pytest.approx(share * before.b(0.3) + (1 - share) * own.b(0.3))
+        own, before = (
+            scene.laws[("upper", "lower").index(line.edge_names[k])]
+            for k in (line.edge[node], edge)
+        )
+        assert law.single(int(node)).b(0.3) == pytest.approx(
+            share * before.b(0.3) + (1 - share) * own.b(0.3)
+        )
 
 
 D, SHOE = 80e6, 0.05
@@ -120,7 +148,9 @@ def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
             half = D * 1e-4 - 0.5 * tau_s * SHOE**2  # = tau_f (l²/2 + 50 mm l)
             length = -SHOE + np.sqrt(SHOE**2 + 2.0 * half / tau_f)
             assert float(point["slip_length"]) == pytest.approx(SHOE + length, abs=2.5e-3)
-            assert float(point["friction_resultant"]) == pytest.approx(tau_f * length + tau_s * SHOE, rel=0.01)
+            assert float(point["friction_resultant"]) == pytest.approx(
+                tau_f * length + tau_s * SHOE, rel=0.01
+            )
     line = tree["level_1"].dataset
     assert {"film", "shoe"} <= set(str(line["edge"].attrs["flag_meanings"]).split())
 
@@ -141,7 +171,8 @@ exact: {u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"], loads: 
 
 
 def test_a_chosen_solution_of_two_laws_is_met_at_the_orders_of_theory(tmp_path: Path) -> None:
-    """ξ = 1 − 0.6 u_T on all of Γ_C: a falling law on the film, a strength that varies along the shoe."""
+    """ξ = 1 − 0.6 u_T on all of Γ_C: a falling law on the film, a strength that varies along the
+    shoe."""
     data = tcstudy.converge(read_study_text(CHOSEN), tmp_path / "out.nc").to_dataset()
     assert np.all(data["status"] == 1)
     for name, order in (("u_energy", 1.0), ("u_L2", 2.0), ("u_T_L2", 2.0), ("xi_L2", 1.0)):
@@ -151,6 +182,10 @@ def test_a_chosen_solution_of_two_laws_is_met_at_the_orders_of_theory(tmp_path: 
     assert float(data["exact_slip_length"]) == pytest.approx(1.0)
     assert float(data["limit_friction_resultant"]) == pytest.approx(1.0 - 0.6 * mean, rel=1e-4)
     before, last = abs(data["value_energy"].values - float(data["exact_energy"]))[-2:]
-    assert 3.8 < before / last < 4.2  # the nodes' quadrature, of second order also where the films meet
-    with pytest.raises(StudyError, match=r"the friction law does not hold on shoe: .* but b\(u_T\) is 1;"):
+    assert (
+        3.8 < before / last < 4.2
+    )  # the nodes' quadrature, of second order also where the films meet
+    with pytest.raises(
+        StudyError, match=r"the friction law does not hold on shoe: .* but b\(u_T\) is 1;"
+    ):
         read_study_text(CHOSEN.replace("0.41 - 0.06*sin(pi*x)", "0.5"))

@@ -1,4 +1,5 @@
-"""What a plan and a run say of studies their authors may not have meant, and of bodies from a file before any work."""
+"""What a plan and a run say of studies their authors may not have meant, and of bodies from a file
+before any work."""
 
 import math
 from itertools import pairwise
@@ -38,7 +39,10 @@ def plain(body: str, holes: bool = False) -> list[str]:
 
 def test_corners_of_chords_are_pinned_and_smooth_junctions_of_arcs_are_not() -> None:
     """A quarter of a circle as contact line."""
-    at = [f"[{1.5 * math.sin(t):.9f}, {1.5 - 1.5 * math.cos(t):.9f}]" for t in (i * math.pi / 16 for i in range(8))]
+    at = [
+        f"[{1.5 * math.sin(t):.9f}, {1.5 - 1.5 * math.cos(t):.9f}]"
+        for t in (i * math.pi / 16 for i in range(8))
+    ]
     rest = "{from: [1.5, 1.5], edge: b}, {from: [0.5, 1.5], edge: c}, {from: [0, 1.5], edge: d}]"
     chords = "".join(f"{{from: {point}, edge: a}}, " for point in at)
     [note] = plain(f"outline: [{chords}{rest}")
@@ -55,11 +59,16 @@ def test_corners_of_chords_are_pinned_and_smooth_junctions_of_arcs_are_not() -> 
         ("boundary.top={role: traction, g: [0, 0]}", "nothing loads this scene"),
         ("boundary.left={role: clamped, u_x: 0.1, u_y: 0}", ""),
         ("loads.f=[0, -1]", ""),
-        ("friction={law: piecewise-linear, points: [[-1, -1], [1, 2]], odd: false, slopes: [1, 1]}", ""),
+        (
+            "friction={law: piecewise-linear, points: [[-1, -1], [1, 2]], odd: false, slopes: [1, 1]}",
+            "",
+        ),
     ],
 )
 def test_a_scene_that_nothing_loads(change: str, words: str) -> None:
-    found = [note for note in map(str, warnings(study_of(RECTANGLE, change))) if "nothing loads" in note]
+    found = [
+        note for note in map(str, warnings(study_of(RECTANGLE, change))) if "nothing loads" in note
+    ]
     assert [note.split(":")[0] for note in found] == ([words] if words else [])
 
 
@@ -79,12 +88,20 @@ PULL = "boundary.top={role: traction, g: [0, 100 Pa]}"
     [
         ([], "theta_bar = 293 K: temperatures count from the stress-free state"),
         (["heat.theta_bar=20"], ""),
-        (["heat.theta_bar=20", "material.E=210"], "E = 210 Pa: the friction of 1e+06 Pa would strain the body by 4.8e"),
-        (["heat.theta_bar=20", PULL, "sweep={E: [210, 50]}"], "E = 50 Pa: a load of 100 Pa would strain the body by 2"),
+        (
+            ["heat.theta_bar=20", "material.E=210"],
+            "E = 210 Pa: the friction of 1e+06 Pa would strain the body by 4.8e",
+        ),
+        (
+            ["heat.theta_bar=20", PULL, "sweep={E: [210, 50]}"],
+            "E = 50 Pa: a load of 100 Pa would strain the body by 2",
+        ),
         (["heat.theta_bar=20", PULL, "material.E=210"], ""),
     ],
 )
-def test_absolute_temperatures_and_moduli_without_their_unit(overrides: list[str], said: str) -> None:
+def test_absolute_temperatures_and_moduli_without_their_unit(
+    overrides: list[str], said: str
+) -> None:
     notes = lint(read_study_text(SI, "a.yaml", overrides))
     assert [note.startswith(said) for note in notes] == [True] * bool(said), notes
     plain = SI.replace(" GPa", "e9").replace(" MPa", "e6").replace(" K", "")
@@ -94,9 +111,13 @@ def test_absolute_temperatures_and_moduli_without_their_unit(overrides: list[str
 def test_names_that_nothing_uses_are_said_with_their_line(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     idle = 'parameters: {w: 2 m, height: 1 m,\n  lost: 3, more: "2*lost"}\n'
-    file.write_text(SI.replace("293 K", "20 K").replace("width: 2", 'width: "0.5*w + height"') + idle)
+    file.write_text(
+        SI.replace("293 K", "20 K").replace("width: 2", 'width: "0.5*w + height"') + idle
+    )
     said = "no number of the study uses this name; write it where it is meant, or remove it"
-    assert lint(read_study(file)) == [f"{file}:8:{c}: parameters.{n}: {said}" for c, n in ((9, "lost"), (18, "more"))]
+    assert lint(read_study(file)) == [
+        f"{file}:8:{c}: parameters.{n}: {said}" for c, n in ((9, "lost"), (18, "more"))
+    ]
 
 
 STUDY = """body:
@@ -116,17 +137,25 @@ friction: {law: tresca, tau: 1 MPa}
 mesh: {maxh: 2 mm, levels: 2}
 """
 """The strip ends on three edges of the face, the heater lies inside."""
-HELD = "study.yaml:10:3: boundary: no edge is clamped and contact does not hold the body: it can still"
+HELD = (
+    "study.yaml:10:3: boundary: no edge is clamped and contact does not hold the body: it can still"
+)
 ROLES = "bottom: contact\n  sides: free\n  bore: clamped"
 
 
 def found(tmp_path: Path, text: str, *overrides: str) -> list[str]:
-    """Faults of a study of a plate in millimetres, 20 × 10 with a bore of radius 1 around (10, 5)."""
-    plate = occ.WorkPlane().Rectangle(20, 10).Face() - occ.WorkPlane().MoveTo(10, 5).Circle(1).Face()
+    """Faults of a study of a plate in millimetres, 20 × 10 with a bore of radius 1 around (10,
+    5)."""
+    plate = (
+        occ.WorkPlane().Rectangle(20, 10).Face() - occ.WorkPlane().MoveTo(10, 5).Circle(1).Face()
+    )
     plate.WriteStep(str(tmp_path / "plate.step"))
     (tmp_path / "study.yaml").write_text(text)
     study = read_study(tmp_path / "study.yaml", overrides)
-    return [line.replace(str(tmp_path / "study.yaml"), "study.yaml") for line in faults(study, tmp_path / "out.nc")]
+    return [
+        line.replace(str(tmp_path / "study.yaml"), "study.yaml")
+        for line in faults(study, tmp_path / "out.nc")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -160,7 +189,9 @@ def test_a_fault_has_its_line_and_remedy(tmp_path: Path, old: str, new: str, lin
 
 def test_a_sound_study_has_no_fault_and_an_option_is_named_as_such(tmp_path: Path) -> None:
     assert found(tmp_path, STUDY) == []
-    assert found(tmp_path, STUDY, "mesh.maxh=3")[0].startswith("--set mesh.maxh=3: mesh.maxh: an element of 3")
+    assert found(tmp_path, STUDY, "mesh.maxh=3")[0].startswith(
+        "--set mesh.maxh=3: mesh.maxh: an element of 3"
+    )
 
 
 BOAT = """body:
@@ -174,13 +205,16 @@ mesh: {maxh: 2 mm}
 
 
 def test_pinned_corners_of_a_file_are_counted(tmp_path: Path) -> None:
-    """A block above a half circle of six chords; its right side, which a region divides, touches too."""
+    """A block above a half circle of six chords; its right side, which a region divides, touches
+    too."""
     angles = [math.pi * (1 + i / 6) for i in range(7)]
     below = [(10 + 10 * math.cos(a), 10 + 10 * math.sin(a)) for a in angles]
     corners = [occ.Pnt(x, y, 0) for x, y in [*below, (20, 20), (0, 20)]]
     edges = [occ.Segment(a, b) for a, b in pairwise([*corners, corners[0]])]
     occ.Face(occ.Wire(edges)).WriteStep(str(tmp_path / "boat.step"))
-    named = [[(a[0] + b[0]) / 2e3, (a[1] + b[1]) / 2e3] for a, b in pairwise(below)] + [[0.02, 0.015]]
+    named = [[(a[0] + b[0]) / 2e3, (a[1] + b[1]) / 2e3] for a, b in pairwise(below)] + [
+        [0.02, 0.015]
+    ]
     (tmp_path / "boat.yaml").write_text(BOAT.replace("HULL", ", ".join(map(str, named))))
     [note] = [note for note in plan(read_study(tmp_path / "boat.yaml")).notes if "pinned" in note]
     assert note.startswith("6 corners")
@@ -192,11 +226,16 @@ def test_pinned_corners_of_a_file_are_counted(tmp_path: Path) -> None:
     [
         ([], ""),
         (["boundary.right=free"], "no edge has the role convection"),
-        (["boundary.right={role: convection, alpha: 5, theta_bar: 3 K}"], "every edge that exchanges heat has its own"),
+        (
+            ["boundary.right={role: convection, alpha: 5, theta_bar: 3 K}"],
+            "every edge that exchanges heat has its own",
+        ),
     ],
 )
 def test_an_alpha_that_acts_nowhere_is_told(overrides: list[str], why: str) -> None:
-    notes = lint(read_study_text(SI.replace("293", "20"), "a.yaml", [*overrides, PULL, "friction.tau=1"]))
+    notes = lint(
+        read_study_text(SI.replace("293", "20"), "a.yaml", [*overrides, PULL, "friction.tau=1"])
+    )
     assert notes == [f"heat.alpha acts nowhere, as {why}; remove it"] * bool(why)
 
 
@@ -209,7 +248,10 @@ def test_clockwise_loops_are_turned() -> None:
     text = PLAIN.replace("{BODY}", body)
     outline = read_study_text(text).scenes[0].body.outline
     assert outline is not None
-    assert {*outline.edges} >= {Edge((0.0, 0.0), (4.0, 0.0), "a"), Edge((4.0, 2.0), (0.0, 2.0), "c", (2.0, 3.0))}
+    assert {*outline.edges} >= {
+        Edge((0.0, 0.0), (4.0, 0.0), "a"),
+        Edge((4.0, 2.0), (0.0, 2.0), "c", (2.0, 3.0)),
+    }
 
 
 def test_regions_are_moved_onto_the_edges_that_they_nearly_meet() -> None:

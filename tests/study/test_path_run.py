@@ -1,4 +1,5 @@
-"""A study's path: the stable solutions of runs lie on it, thermal and mechanical parameters, refusals, all branches."""
+"""A study's path: the stable solutions of runs lie on it, thermal and mechanical parameters,
+refusals, all branches."""
 
 import re
 from dataclasses import replace
@@ -29,7 +30,8 @@ VALUES = (0.2e-3, 0.75e-3, 0.85e-3, 0.9e-3, 1.0e-3, 1.1e-3, 1.6e-3)
 
 
 def distance(record: Record, t: float, v: np.ndarray) -> float:
-    """How far v is from the nearest solution of t on the path, relative to the largest slip on it."""
+    """How far v is from the nearest solution of t on the path, relative to the largest slip on
+    it."""
     T, u = record.values["parameter"], record.values["u_T"]
     pieces = np.flatnonzero((np.minimum(T[:-1], T[1:]) <= t) & (np.maximum(T[:-1], T[1:]) >= t))
     s = (t - T[pieces]) / (T[pieces + 1] - T[pieces])
@@ -44,10 +46,17 @@ def test_stable_solutions_of_a_run_lie_on_a_path_whose_energy_follows_its_rate()
     assert shortfalls(study, record) == []
     assert len(curve["fold_vertex"]) >= 8
     assert curve["residual"].max() <= 1e-11
-    mean, size = 0.5 * (curve["energy_rate"][1:] + curve["energy_rate"][:-1]), np.ptp(curve["energy"])
-    assert np.diff(curve["energy"]) == pytest.approx(np.diff(curve["parameter"]) * mean, abs=1e-9 * size)
+    mean, size = (
+        0.5 * (curve["energy_rate"][1:] + curve["energy_rate"][:-1]),
+        np.ptp(curve["energy"]),
+    )
+    assert np.diff(curve["energy"]) == pytest.approx(
+        np.diff(curve["parameter"]) * mean, abs=1e-9 * size
+    )
     sweep = f"sweep={{boundary.plate.u_x: [{', '.join(map(repr, VALUES))}]}}"
-    asked = read_study(PAD, ["solver=separable-newton", "mesh.levels=2", "solver.branch=lowest", sweep])
+    asked = read_study(
+        PAD, ["solver=separable-newton", "mesh.levels=2", "solver.branch=lowest", sweep]
+    )
     blocks = (one for one in run(asked) if isinstance(one, BlockRecord) and one.level == 1)
     points = [point for block in blocks for point in one_by_one(block)]
     assert len(points) == len(VALUES)
@@ -66,14 +75,20 @@ def test_stable_solutions_of_a_run_lie_on_a_path_whose_energy_follows_its_rate()
 )
 def test_all_kinds_of_parameters_on_the_heated_bracket(section: str) -> None:
     """Solutions and vertices are those of the assembled scene, whatever carries the parameter."""
-    soft = "friction: {law: slip-weakening, tau_s: 0.004, tau_k: 0.001, delta: 0.002}"  # falls faster than it is stiff
+    # falls faster than it is stiff
+    soft = "friction: {law: slip-weakening, tau_s: 0.004, tau_k: 0.001, delta: 0.002}"
     study = read_study_text(f"{re.sub(r'friction: .*', soft, HEATED_BRACKET)}path: {section}\n")
     plan, record = study.path, follow_path(study)
     assert plan
     values = record.values
     assert values["solution_count"] != [0]
-    level = Level(list(mesh_family(build(plan.scene.body), study.mesh))[values["level"]], plan.scene)
-    found = [(plan.at[0], v, e) for v, e in zip(values["solution_u_T"], values["solution_energy"], strict=True)]
+    level = Level(
+        list(mesh_family(build(plan.scene.body), study.mesh))[values["level"]], plan.scene
+    )
+    found = [
+        (plan.at[0], v, e)
+        for v, e in zip(values["solution_u_T"], values["solution_energy"], strict=True)
+    ]
     vertices = zip(values["parameter"], values["u_T"], values["energy"], strict=True)
     for t, v, energy in [*found, *list(vertices)[::9]]:
         condensed = level.condensed(path_scene(plan.scene, plan.parameter, float(t)))
@@ -89,14 +104,20 @@ def test_a_parameter_that_is_not_affine_is_refused() -> None:
     scene = study.scenes[0]
     level = Level(next(iter(mesh_family(build(scene.body), study.mesh))), scene)
     with pytest.raises(PathError, match=r"not affine in alpha \(relative deviation"):
-        affine_load(level, lambda t: replace(scene, heat=replace(scene.heat, alpha=t)), 0.5, 2.0, "alpha")
+        affine_load(
+            level, lambda t: replace(scene, heat=replace(scene.heat, alpha=t)), 0.5, 2.0, "alpha"
+        )
     with pytest.raises(PathError, match="stiffness changes with mu"):
-        affine_load(level, lambda t: replace(scene, material=replace(scene.material, mu=t)), 0.5, 2.0, "mu")
+        affine_load(
+            level, lambda t: replace(scene, material=replace(scene.material, mu=t)), 0.5, 2.0, "mu"
+        )
     with pytest.raises(PathError, match="does not depend on nothing"):
         affine_load(level, lambda t: scene, 0.5, 2.0, "nothing")
 
 
-def test_the_pad_has_a_loop_that_the_path_does_not_meet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_pad_has_a_loop_that_the_path_does_not_meet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """m = 21: a loop from 0.718462 to 0.9406 mm, and 5, 7 and 3 equilibria."""
     file = tmp_path / "pad.nc"
     asked = ["run", str(PAD), "--set", "mesh.levels=1", "--set"]
@@ -128,8 +149,15 @@ def test_the_joint_has_thirteen_loops() -> None:
 def test_without_load_a_law_without_jumps_has_one_solution() -> None:
     """Its slips are rounding, other on the path than on its branch."""
     law = "friction={law: piecewise-linear, points: [[0, 0 kPa], [0.1 mm, 100 kPa], [0.5 mm, 20 kPa]]}"
-    ends = ["path.from=2 mm", "path.to=0 mm", "path.within=[-1 mm, 3 mm]", "path.at=[0 mm, 1e-10 mm]"]
-    study = read_study(PAD, ["mesh.levels=1", "path.complete=true", "path.hysteresis=false", law, *ends])
+    ends = [
+        "path.from=2 mm",
+        "path.to=0 mm",
+        "path.within=[-1 mm, 3 mm]",
+        "path.at=[0 mm, 1e-10 mm]",
+    ]
+    study = read_study(
+        PAD, ["mesh.levels=1", "path.complete=true", "path.hysteresis=false", law, *ends]
+    )
     values = follow_path(study).values
     assert values["complete"]
     assert values["solution_count"] == [1, 1]
@@ -137,13 +165,16 @@ def test_without_load_a_law_without_jumps_has_one_solution() -> None:
 
 
 def test_where_the_range_is_not_proved_values_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The loop is followed from what is listed at 0.9 mm, and what is known of each value is said."""
+    """The loop is followed from what is listed at 0.9 mm, and what is known of each value is
+    said."""
     monkeypatch.setattr(path_run, "LIMITS", replace(Limits(), boxes=40))
     study = read_study(PAD, ["mesh.levels=1", "path.complete=true", "path.hysteresis=false"])
     record = follow_path(study)
     values = record.values
     assert not values["complete"]
-    assert any("not proved to be all: the limit of boxes" in one for one in shortfalls(study, record))
+    assert any(
+        "not proved to be all: the limit of boxes" in one for one in shortfalls(study, record)
+    )
     assert sum(values["branch_loop"]) == 1
     assert values["solution_count"] == [5, 7, 3]
     assert values["at_complete"].tolist() == [True, False, False]

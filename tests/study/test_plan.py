@@ -1,4 +1,5 @@
-"""The forecast: counts, sizes of meshes before a run, what is left out with its reason, what it takes."""
+"""The forecast: counts, sizes of meshes before a run, what is left out with its reason, what it
+takes."""
 
 import math
 from pathlib import Path
@@ -26,7 +27,9 @@ from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 def test_the_file_of_a_run_is_about_as_large_as_said(tmp_path: Path) -> None:
     swept = "sweep={tau: {linspace: [0.001, 0.02, 40]}}"
-    loaded = RECTANGLE.replace("top: free", 'top: {role: traction, g: ["0.03*x", -0.01]}')  # zeros would be compressed
+    loaded = RECTANGLE.replace(
+        "top: free", 'top: {role: traction, g: ["0.03*x", -0.01]}'
+    )  # zeros would be compressed
     study = study_of(loaded, swept, "mesh={maxh: 0.2, levels: 2}", "output={fields: true}")
     tcstudy.run(study, tmp_path / "out.nc").close()
     size = (tmp_path / "out.nc").stat().st_size
@@ -34,14 +37,21 @@ def test_the_file_of_a_run_is_about_as_large_as_said(tmp_path: Path) -> None:
 
 
 def test_what_a_tolerance_may_need_is_bounded_by_its_unknowns() -> None:
-    """Fields of 3 points on meshes that grow twofold up to 400,000 dofs: about 2 · 24 · 200,000 bytes a point."""
+    """Fields of 3 points on meshes that grow twofold up to 400,000 dofs: about 2 · 24 · 200,000
+    bytes a point."""
     tolerance = "mesh={maxh: 0.5, tolerance: 1e-3, of: friction_resultant}"
     swept = "sweep={tau: [0.005, 0.01, 0.02]}"
-    lines, fields = (plan(study_of(RECTANGLE, tolerance, swept, *more)) for more in ((), ("output={fields: true}",)))
+    lines, fields = (
+        plan(study_of(RECTANGLE, tolerance, swept, *more))
+        for more in ((), ("output={fields: true}",))
+    )
     assert len(lines.levels) == 1
     assert 5e5 < lines.bytes < 5e6
     assert 3 * 24 * 2e5 < fields.bytes < 3 * 3 * 40 * 2e5
-    assert plan(study_of(RECTANGLE, tolerance.replace("}", ", max_dofs: 5000}"), swept)).bytes < lines.bytes / 4
+    assert (
+        plan(study_of(RECTANGLE, tolerance.replace("}", ", max_dofs: 5000}"), swept)).bytes
+        < lines.bytes / 4
+    )
 
 
 def test_counts_and_what_is_left_out_and_why() -> None:
@@ -50,11 +60,19 @@ def test_counts_and_what_is_left_out_and_why() -> None:
     assert (forecast.points, len(forecast.levels), forecast.left_out) == (12, 2, ())
     for change, reason in (
         ("material.alpha_T=0", "heat problem: beta is 0"),
-        ("heat={alpha: 1, theta_bar: 5}", "heat problem: q is 0 and theta_bar is constant, so theta = theta_bar"),
+        (
+            "heat={alpha: 1, theta_bar: 5}",
+            "heat problem: q is 0 and theta_bar is constant, so theta = theta_bar",
+        ),
     ):
-        assert any(text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out)
+        assert any(
+            text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out
+        )
     found = plan(study_of(HEATED_BRACKET, "path={parameter: load, from: 0, to: 2}"))
-    assert f"{found.asked}: run does this; for the points of the sweep add --set path=null" in found.notes
+    assert (
+        f"{found.asked}: run does this; for the points of the sweep add --set path=null"
+        in found.notes
+    )
 
 
 @pytest.mark.parametrize(
@@ -69,8 +87,11 @@ def test_counts_and_what_is_left_out_and_why() -> None:
         ("E: [1, 2]", ["heat={alpha: 1, theta_bar: 5}"], []),
     ],
 )  # fmt: skip
-def test_a_swept_parameter_that_changes_nothing_is_named(sweep: str, changes: list[str], idle: list[str]) -> None:
-    """α and k where θ = θ̄, everything thermal without β; not θ̄ itself, nor α where heat is solved at some point."""
+def test_a_swept_parameter_that_changes_nothing_is_named(
+    sweep: str, changes: list[str], idle: list[str]
+) -> None:
+    """α and k where θ = θ̄, everything thermal without β; not θ̄ itself, nor α where heat is solved
+    at some point."""
     notes = plan(study_of(f"{HEATED_BRACKET}sweep: {{{sweep}}}\n", *changes)).notes
     assert [note.split()[0] for note in notes if "changes nothing (" in note] == idle
     if idle == ["alpha", "k"]:
@@ -79,12 +100,17 @@ def test_a_swept_parameter_that_changes_nothing_is_named(sweep: str, changes: li
 
 
 def test_a_history_with_elements_much_longer_than_its_strip_is_high_is_told() -> None:
-    """By the elements that Netgen makes, which are up to a third shorter than maxh in a thin strip."""
+    """By the elements that Netgen makes, which are up to a third shorter than maxh in a thin
+    strip."""
     strip = RECTANGLE.replace("width: 2, height: 1", "width: 40, height: 0.25")
     steps = "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}"
     for maxh, more, said in ((1.0, [steps], True), (0.45, [steps], False), (2.0, [], False)):
         notes = plan(study_of(strip, *more, f"mesh={{maxh: {maxh}}}", "loads.f=[0, 0]")).notes
-        told = [float(note.split()[6]) for note in notes if note.startswith("elements on the contact line are ")]
+        told = [
+            float(note.split()[6])
+            for note in notes
+            if note.startswith("elements on the contact line are ")
+        ]
         assert len(told) == said, maxh
         assert all(0.65 * maxh / 0.25 < ratio < 1.05 * maxh / 0.25 for ratio in told), told
 
@@ -93,10 +119,16 @@ def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.Monke
     """In seconds of this machine, which is timed only where there is much to mesh."""
 
     def dear(mesh: str) -> list[str]:
-        return [n for n in plan(study_of(RECTANGLE, f"mesh={mesh}")).notes if n.startswith("meshing takes about")]
+        return [
+            n
+            for n in plan(study_of(RECTANGLE, f"mesh={mesh}")).notes
+            if n.startswith("meshing takes about")
+        ]
 
     monkeypatch.setattr(meshes, "triangles_a_second", lambda: 100.0)
-    assert 15 < float(dear("{maxh: 0.05}")[0].split()[3]) < 25  # 2 · 1 body, 0.866 h² for two triangles
+    assert (
+        15 < float(dear("{maxh: 0.05}")[0].split()[3]) < 25
+    )  # 2 · 1 body, 0.866 h² for two triangles
     monkeypatch.setattr(meshes, "triangles_a_second", None)
     assert dear("{maxh: 0.1}") == []
     monkeypatch.undo()
@@ -105,8 +137,8 @@ def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.Monke
 
 
 def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a trial of known times: N^1.08 for mesh and factor, half of it again for a second ratio of moduli, a point
-    by its contact nodes, and 60 µs a solution for what is written."""
+    """By a trial of known times: N^1.08 for mesh and factor, half of it again for a second ratio of
+    moduli, a point by its contact nodes, and 60 µs a solution for what is written."""
     sweep, asked = "sweep={nu: [0.2, 0.3], friction.tau: {linspace: [0.01, 0.1, 200]}}", list[int]()
     study = study_of(RECTANGLE, sweep, "mesh={maxh: 0.1, levels: 3}")
 
@@ -116,7 +148,10 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(plan_module, "_timed", timed)
     found = plan(study)
-    each = [1e-3 * (0.08e-3 + 2.6e-6 * v.n_contact) / (0.08e-3 + 2.6e-6 * 20) + 6e-5 for v in found.levels]
+    each = [
+        1e-3 * (0.08e-3 + 2.6e-6 * v.n_contact) / (0.08e-3 + 2.6e-6 * 20) + 6e-5
+        for v in found.levels
+    ]
     expected = START + sum(0.05 * (v.n_dof / 1000) ** 1.08 for v in found.levels) + 392 * sum(each)
     assert resources(study, found).seconds == pytest.approx(expected)
     assert asked == [plan_module.FEW, plan_module.MANY]
@@ -126,12 +161,21 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
     ("study", "why"),
     [
         (study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 6, family: adaptive}"), "estimated error"),
-        (study_of(RECTANGLE, "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}", "loads.f=[0, 0]"), "a step"),
+        (
+            study_of(
+                RECTANGLE,
+                "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}",
+                "loads.f=[0, 0]",
+            ),
+            "a step",
+        ),
         (study_of(RECTANGLE, "solver=[separable-newton, bundle-newton]"), "solvers"),
     ],
     ids=["adaptive", "history", "bundle"],
 )
-def test_what_no_trial_tells_is_unknown(study: Study, why: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_no_trial_tells_is_unknown(
+    study: Study, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(plan_module, "stages", None)  # nothing is solved for it
     spent = resources(study, plan(study))
     assert math.isnan(spent.seconds)
@@ -200,8 +244,12 @@ def test_counted_sizes_are_those_of_the_run(study: Study) -> None:
     assert all(v.exact for v in sizes(study))
 
 
-@pytest.mark.parametrize("mesh", ["{maxh: [0.2, 0.1, 0.05]}", "{maxh: 0.2, levels: 3, family: graded}"])
-def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.MonkeyPatch, mesh: str) -> None:
+@pytest.mark.parametrize(
+    "mesh", ["{maxh: [0.2, 0.1, 0.05]}", "{maxh: 0.2, levels: 3, family: graded}"]
+)
+def test_large_meshes_are_predicted_from_the_last_small_one(
+    monkeypatch: pytest.MonkeyPatch, mesh: str
+) -> None:
     study = study_of(STRIPS, f"mesh={mesh}")
     monkeypatch.setattr(workers_module, "MOST_NODES", 250)
     assert [v.exact for v in sizes(study)] == [True, False, False]
@@ -229,7 +277,8 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
 
 
 def test_a_mesh_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It ends a run before work if it is the first or others follow from it, else it is a status of its points."""
+    """It ends a run before work if it is the first or others follow from it, else it is a status of
+    its points."""
     listed = study_of(RECTANGLE, "mesh={maxh: [0.5, 0.3, 0.2]}")
     for bad, study in ((0, study_of(RECTANGLE)), (1, study_of(RECTANGLE)), (0, listed)):
         with monkeypatch.context() as patch:
@@ -240,14 +289,21 @@ def test_a_mesh_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert [v.exact for v in sizes(listed)] == [True, False, True]
     tree = tcstudy.run(listed, tmp_path / "out.nc")
     assert tree["status"].values.tolist() == [1, int(PointStatus.MESH_FAILED), 1]
-    assert (tree["reason"].values[1], np.isnan(tree["energy"].values[1])) == ("the mesher gave up", True)
+    assert (tree["reason"].values[1], np.isnan(tree["energy"].values[1])) == (
+        "the mesher gave up",
+        True,
+    )
 
 
 def test_meshes_after_the_known_ones_are_bounded() -> None:
-    study = study_of(RECTANGLE, "mesh={maxh: 0.5, tolerance: 1e-3, of: friction_resultant, max_dofs: 10000}")
+    study = study_of(
+        RECTANGLE, "mesh={maxh: 0.5, tolerance: 1e-3, of: friction_resultant, max_dofs: 10000}"
+    )
     n_dofs = [v.n_dof for v in refined(sizes(study), study.mesh)]
     assert n_dofs[-1] == pytest.approx(10000, rel=0.01)
     assert n_dofs[1] == pytest.approx(2 * n_dofs[0])
     few = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 3, family: adaptive}")
     assert len(refined(sizes(few), few.mesh)) == 3
-    assert refined(sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh) == sizes(study_of(RECTANGLE))
+    assert refined(sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh) == sizes(
+        study_of(RECTANGLE)
+    )

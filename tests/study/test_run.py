@@ -1,4 +1,5 @@
-"""A study through to its file: values in their places, reuse, failures, branches, solvers, numbers on request."""
+"""A study through to its file: values in their places, reuse, failures, branches, solvers, numbers
+on request."""
 
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,9 @@ from tcstudy.study import sensitivities
 from tcstudy.study.level_solver import blocks_of
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
-LOADED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')
+LOADED = RECTANGLE.replace(
+    "left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}'
+)
 SWEPT = LOADED + "\nsweep: {friction.tau: [0.005, 0.01, 0.02], E: [1, 2]}\n"
 COARSE = "mesh={maxh: 0.25, levels: 2}"
 
@@ -43,11 +46,18 @@ def test_values_stand_at_their_points(tmp_path: Path) -> None:
     study = study_of(SWEPT, COARSE, "sweep={}", "friction.tau=0.02", "material.E=2")
     level = levels_of(study)[1]
     alone = solve_contact(level.condensed(study.scenes[0]).problem)
-    stored, point = tree["level_1"].to_dataset().sel(tau=0.02, E=2), data.sel(tau=0.02, E=2, level=1)
+    stored, point = (
+        tree["level_1"].to_dataset().sel(tau=0.02, E=2),
+        data.sel(tau=0.02, E=2, level=1),
+    )
     assert np.max(np.abs(stored["u_T"].values - alone.v)) < 1e-14
     assert 0 < float(point["slip_length"]) < 2
-    assert float(point["friction_resultant"]) == pytest.approx(float(stored["xi"] @ tree["level_1"]["c"]), rel=1e-12)
-    assert np.all(data["lambda_1"].sel(E=2) == pytest.approx(2 * data["lambda_1"].sel(E=1).values, rel=1e-10))
+    assert float(point["friction_resultant"]) == pytest.approx(
+        float(stored["xi"] @ tree["level_1"]["c"]), rel=1e-12
+    )
+    assert np.all(
+        data["lambda_1"].sel(E=2) == pytest.approx(2 * data["lambda_1"].sel(E=1).values, rel=1e-10)
+    )
 
 
 @pytest.mark.parametrize(("material", "ratios"), [("E: [1, 0.3, 7.7]", 1), ("nu: [0.2, 0.3]", 2)])
@@ -56,7 +66,9 @@ def test_one_factorisation_a_mesh_and_ratio(
 ) -> None:
     """λ/μ makes the factor, E only scales it; a new ratio takes over the order of elimination."""
     plans, original = [], level_module.condense
-    monkeypatch.setattr(level_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k))
+    monkeypatch.setattr(
+        level_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k)
+    )
     tree = run(tmp_path, SWEPT.replace("E: [1, 2]", material), COARSE)
     assert np.all(tree["status"] == int(PointStatus.OK))
     assert len(plans) == 2 * ratios
@@ -67,7 +79,8 @@ KNOWN = ("boundary.right={role: traction, g: [0.01, 0.02*y], pressure: 0.03}", "
 
 
 @pytest.mark.parametrize(
-    "changes", [("material.alpha_T=0",), ("heat={theta: 3}", *KNOWN), ("heat={alpha: 1, theta_bar: 5}",)]
+    "changes",
+    [("material.alpha_T=0",), ("heat={theta: 3}", *KNOWN), ("heat={alpha: 1, theta_bar: 5}",)],
 )
 def test_no_heat_problem_where_none_is_needed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: tuple[str, ...]
@@ -78,28 +91,42 @@ def test_no_heat_problem_where_none_is_needed(
 
 
 def test_sticking_nodes_are_stored_wherever_the_law_jumps_up(tmp_path: Path) -> None:
-    """At u_T = 0 and at the second jump; c of the others is the slip length, and draw takes what is stored."""
+    """At u_T = 0 and at the second jump; c of the others is the slip length, and draw takes what is
+    stored."""
     jumps = "friction={law: piecewise-linear, points: [[0, 0.004], [0.01, 0.004], [0.01, 0.012]]}"
-    found = run(tmp_path, RECTANGLE, jumps, "mesh.levels=2", 'boundary.top={role: traction, g: ["0.01 + 0.01*x", 0]}')
+    found = run(
+        tmp_path,
+        RECTANGLE,
+        jumps,
+        "mesh.levels=2",
+        'boundary.top={role: traction, g: ["0.01 + 0.01*x", 0]}',
+    )
     fine = found["level_1"].to_dataset()
     sticks, u_T = fine["sticks"].values == 1, np.abs(fine["u_T"].values)
     assert set(np.unique(fine["sticks"])) == {0, 1}
     assert (u_T[sticks] == 0.01).any()
     assert np.array_equal(np.isin(u_T, (0.0, 0.01)), sticks)
-    assert fine["c"].values[~sticks].sum() == pytest.approx(float(found["slip_length"].isel(level=1)), rel=1e-14)
+    assert fine["c"].values[~sticks].sum() == pytest.approx(
+        float(found["slip_length"].isel(level=1)), rel=1e-14
+    )
     np.testing.assert_array_equal(read_picture(tmp_path / "out.nc").line.sticks, sticks)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])
 def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
-    """Else the rounding of l̃ − Ãv would look like a traction that changes by half from level to level."""
+    """Else the rounding of l̃ − Ãv would look like a traction that changes by half from level to
+    level."""
     load = f'boundary.top={{role: traction, g: ["{size!r}*(1 + x)", 0]}}'
     found = run(tmp_path, RECTANGLE, load, "friction.tau=0", COARSE)
     assert found["status"].values.tolist() == [1, 1]
     assert found["friction_resultant"].values.tolist() == [0.0, 0.0]
     assert not found["level_1"]["xi"].values.any()
     assert (found["inclusion_residual"].values > 0.0).all()
-    (row,) = (line.split() for line in text_of(tmp_path / "out.nc").splitlines() if "unique" in line.split())
+    (row,) = (
+        line.split()
+        for line in text_of(tmp_path / "out.nc").splitlines()
+        if "unique" in line.split()
+    )
     assert (row[2], row[-1]) == ("0", "0")  # ∫ξ and its change
 
 
@@ -119,9 +146,14 @@ sweep: {mode: list, points: [{boundary.top.u_x: 0.5}, {boundary.top.u_x: 0.8}, {
 """
 
 
-@pytest.mark.parametrize(("branch", "slips"), [("continued", [0, 0, 1.0, 0.61, 0]), ("lowest", [0, 0.6, 1, 0.61, 0])])
-def test_branches_in_a_loop_of_loading_and_unloading(tmp_path: Path, branch: str, slips: list[float]) -> None:
-    """U = 0.8 has s = 0 (energy 0.32), 0.2 (unstable) and 0.6 (0.30): continuation keeps the branch it is on."""
+@pytest.mark.parametrize(
+    ("branch", "slips"), [("continued", [0, 0, 1.0, 0.61, 0]), ("lowest", [0, 0.6, 1, 0.61, 0])]
+)
+def test_branches_in_a_loop_of_loading_and_unloading(
+    tmp_path: Path, branch: str, slips: list[float]
+) -> None:
+    """U = 0.8 has s = 0 (energy 0.32), 0.2 (unstable) and 0.6 (0.30): continuation keeps the branch
+    it is on."""
     tree = run(tmp_path, UP_AND_DOWN, f"solver={{branch: {branch}}}")
     assert np.all(tree["status"] == 1)
     u_T = tree["level_0"]["u_T"].values
@@ -130,11 +162,15 @@ def test_branches_in_a_loop_of_loading_and_unloading(tmp_path: Path, branch: str
 
 
 def test_blocks_hold_every_point_once_and_have_one_factor() -> None:
-    study = study_of(RECTANGLE, "sweep={E: [1, 2], nu: [0.2, 0.3], friction.tau: {linspace: [1, 2, 700]}}")
+    study = study_of(
+        RECTANGLE, "sweep={E: [1, 2], nu: [0.2, 0.3], friction.tau: {linspace: [1, 2, 700]}}"
+    )
     blocks = blocks_of(study, 11, 100)
     assert np.array_equal(np.sort(np.concatenate([b.points for b in blocks])), np.arange(2800))
     assert [len(b.points) for b in blocks] == [700] * 4
-    assert all(len({study.scenes[int(i)].material.nu for i in block.points}) == 1 for block in blocks)
+    assert all(
+        len({study.scenes[int(i)].material.nu for i in block.points}) == 1 for block in blocks
+    )
 
 
 def test_several_solvers_are_compared(tmp_path: Path) -> None:
@@ -165,7 +201,8 @@ output: {probes: {tip: [200 mm, 0 mm], core: [70 mm, 20 mm]}, quantities: [react
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_linear_fields_are_exact(tmp_path: Path, plane: str) -> None:
-    """Without expansion σ_xx = 3 MPa alone; θ falls from 40 K by q (L/k + 1/α) to 10 K, q = 4500 W/m²."""
+    """Without expansion σ_xx = 3 MPa alone; θ falls from 40 K by q (L/k + 1/α) to 10 K, q = 4500
+    W/m²."""
     tree = run(tmp_path, BAR.replace("stress", plane)).to_dataset().isel(level=0)
     data, warm = tree.isel(alpha_T=0), tree.isel(alpha_T=1)
     sigma, E, nu = 3e6, 200e9, 0.25
@@ -191,8 +228,11 @@ def test_linear_fields_are_exact(tmp_path: Path, plane: str) -> None:
     assert all(title in text for title in ("∫ξ [", " certified\n", *asked(tree)))
 
 
-def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The solution stays in the file with the reason beside it, and nothing of what was asked for."""
+def test_a_number_that_breaks_down_ends_its_point_and_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The solution stays in the file with the reason beside it, and nothing of what was asked
+    for."""
     original = sensitivities.derivatives_of
 
     def broken(level: Level, scene: Scene, *more: Any) -> dict[str, float]:
@@ -205,7 +245,11 @@ def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, mon
     assert data["status"].values.tolist() == [PointStatus.ERROR, PointStatus.OK]
     assert str(data["reason"][0].values) == "numbers on request: RuntimeError: no such element"
     asked = ("probe_tip_u_x", "sensitivity_u_T_max_E", "u_T_max")
-    assert [np.isnan(data[name].values).tolist() for name in asked] == [[True, False], [True, False], [False, False]]
+    assert [np.isnan(data[name].values).tolist() for name in asked] == [
+        [True, False],
+        [True, False],
+        [False, False],
+    ]
 
 
 @pytest.mark.parametrize(

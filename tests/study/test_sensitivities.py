@@ -37,8 +37,19 @@ mesh: {maxh: 0.25}
 """
 OF_HEAT = {"k": 0.7, "alpha": 0.8, "E": 2.0, "nu": 0.25}
 OF_BRACKET = OF_HEAT | {
-    **{"friction.tau_s": 0.06, "friction.delta": 0.03, "friction.strength": 1.0, "alpha_T": 0.05, "theta_bar": 0.2},
-    **{"loads.f_x": 0.01, "boundary.top.pressure": 0.03, "boundary.right.g_y": 0.01, "boundary.left.u_x": 0.002},
+    **{
+        "friction.tau_s": 0.06,
+        "friction.delta": 0.03,
+        "friction.strength": 1.0,
+        "alpha_T": 0.05,
+        "theta_bar": 0.2,
+    },
+    **{
+        "loads.f_x": 0.01,
+        "boundary.top.pressure": 0.03,
+        "boundary.right.g_y": 0.01,
+        "boundary.left.u_x": 0.002,
+    },
     **{"q": 0.6},
 }
 LAYERED = """
@@ -56,9 +67,25 @@ friction: {law: exponential, a: 0.06, b: 0.02, delta: 0.03}
 mesh: {maxh: 0.3}
 """
 OF_LAYERS = {
-    **{"material.E": 2.0, "material.nu": 0.25, "material.alpha_T": 0.05, "material.k": 0.7, "heat.q": 0.6, "load": 1.0},
-    **{"materials.coat.E": 3.0, "materials.coat.nu": 0.1, "materials.coat.k": 1.4, "materials.coat.beta": 0.2},
-    **{"boundary.right.spring.normal": 0.3, "boundary.right.spring.tangential": 0.1, "boundary.top.theta_bar": 0.4},
+    **{
+        "material.E": 2.0,
+        "material.nu": 0.25,
+        "material.alpha_T": 0.05,
+        "material.k": 0.7,
+        "heat.q": 0.6,
+        "load": 1.0,
+    },
+    **{
+        "materials.coat.E": 3.0,
+        "materials.coat.nu": 0.1,
+        "materials.coat.k": 1.4,
+        "materials.coat.beta": 0.2,
+    },
+    **{
+        "boundary.right.spring.normal": 0.3,
+        "boundary.right.spring.tangential": 0.1,
+        "boundary.top.theta_bar": 0.4,
+    },
     **{"heat.alpha": 0.8, "boundary.top.alpha": 1.3, "boundary.right.heat.flux": 0.1},
     **{"boundary.left.heat.theta": 0.3, "boundary.left.u_x": 0.002, "friction.delta": 0.03},
 }
@@ -75,7 +102,10 @@ friction: {law: slip-weakening, tau_s: 0.06, tau_k: 0.02, delta: 0.03}
 mesh: {maxh: 0.3}
 """
 OF_RIGID = {
-    **{f"boundary.plate.{name}": value for name, value in (("force_x", 0.2), ("force_y", -0.05), ("moment", 0.02))},
+    **{
+        f"boundary.plate.{name}": value
+        for name, value in (("force_x", 0.2), ("force_y", -0.05), ("moment", 0.02))
+    },
     **{"E": 2.0, "nu": 0.25, "theta": 0.2, "load": 1.0, "friction.delta": 0.03},
 }
 
@@ -91,7 +121,13 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     problem = level.condensed(scene).problem
     answer = solve_contact(problem)
     energy = problem.energy(answer.v) + level.condensed(scene).constant
-    values = [np.max(np.abs(answer.v)), answer.xi.sum(), level.temperature(scene).mean, energy, level.lambda_1(scene)]
+    values = [
+        np.max(np.abs(answer.v)),
+        answer.xi.sum(),
+        level.temperature(scene).mean,
+        energy,
+        level.lambda_1(scene),
+    ]
     return np.array([*values, problem.law.omega]), answer.v
 
 
@@ -102,11 +138,22 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         (BRACKET.replace("theta_bar: 0.2", 'theta_bar: "0.2 + 0.1*x"'), OF_HEAT),
         (BRACKET.replace("theta_bar: 0.2", "theta_bar: 0"), OF_HEAT),
         (LAYERED.replace("PLANE", "strain"), OF_LAYERS),
-        (LAYERED.replace("PLANE", "stress"), {name: OF_LAYERS[name] for name in OF_LAYERS if name.startswith("mat")}),
+        (
+            LAYERED.replace("PLANE", "stress"),
+            {name: OF_LAYERS[name] for name in OF_LAYERS if name.startswith("mat")},
+        ),
         (RIGID, OF_RIGID),
         (block(FALLING, SLOW), {"friction.film.delta": 1.0}),
     ],
-    ids=["bracket", "field of theta_bar", "theta_bar of 0", "layers in strain", "in stress", "plate", "edge"],
+    ids=[
+        "bracket",
+        "field of theta_bar",
+        "theta_bar of 0",
+        "layers in strain",
+        "in stress",
+        "plate",
+        "edge",
+    ],
 )
 def test_every_kind_of_number_against_differences(text: str, values: dict[str, float]) -> None:
     """Of points solved on the same mesh, whose nodes keep their pieces, by Richardson."""
@@ -119,19 +166,34 @@ def test_every_kind_of_number_against_differences(text: str, values: dict[str, f
         value, steps = values[number.name], np.array([2e-4, 1e-4])
         ends = [[results(level, scenery.at(scene, {number.path: value * (1.0 + way * h)}))[0] for way in (1.0, -1.0)]
                 for h in steps]  # fmt: skip
-        coarse, fine = ((up - down) / (2.0 * h * value) for (up, down), h in zip(ends, steps, strict=True))
-        known = QUANTITIES[: 5 if "film" in number.name else 6]  # ω of several laws has no derivative
-        exact, apart = [found[name_of(quantity, number.name)] for quantity in known], (4.0 * fine - coarse) / 3.0
-        np.testing.assert_allclose(exact, apart[: len(known)], rtol=1e-7, atol=3e-9, err_msg=number.name)
+        coarse, fine = (
+            (up - down) / (2.0 * h * value) for (up, down), h in zip(ends, steps, strict=True)
+        )
+        known = QUANTITIES[
+            : 5 if "film" in number.name else 6
+        ]  # ω of several laws has no derivative
+        exact, apart = (
+            [found[name_of(quantity, number.name)] for quantity in known],
+            (4.0 * fine - coarse) / 3.0,
+        )
+        np.testing.assert_allclose(
+            exact, apart[: len(known)], rtol=1e-7, atol=3e-9, err_msg=number.name
+        )
 
 
 def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> None:
     text = BRACKET.replace("units: none\n", "") + "sweep: {delta: [0.03, 0.06]}\n"
-    data = tcstudy.run(asking(text, "friction.delta", "E")[0], tmp_path / "a.nc").to_dataset().isel(level=0)
+    data = (
+        tcstudy.run(asking(text, "friction.delta", "E")[0], tmp_path / "a.nc")
+        .to_dataset()
+        .isel(level=0)
+    )
     stored = data["sensitivity_friction_resultant_friction_delta"]
     assert stored.attrs["units"] == "N m-1 m-1"
     assert np.all((data["sensitivity_status"] == DIFFERENTIABLE) & np.isfinite(stored))
-    assert np.sign(data["friction_resultant"][1] - data["friction_resultant"][0]) == np.sign(stored[0])
+    assert np.sign(data["friction_resultant"][1] - data["friction_resultant"][0]) == np.sign(
+        stored[0]
+    )
     assert "derivatives known at 2 of 2" in text_of(tmp_path / "a.nc")
 
 

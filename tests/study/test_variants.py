@@ -1,4 +1,5 @@
-"""Sweeps of body and mesh: closed forms, the bits of single runs, refused geometries, what is added, measured."""
+"""Sweeps of body and mesh: closed forms, the bits of single runs, refused geometries, what is
+added, measured."""
 
 import shutil
 from pathlib import Path
@@ -50,8 +51,11 @@ def bar(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_runs(bar: Path, tmp_path: Path) -> None:
-    """u_end = g L/E, in P1 exactly; lengths are sorted in the file, profiles are those of a study of one length."""
+def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_runs(
+    bar: Path, tmp_path: Path
+) -> None:
+    """u_end = g L/E, in P1 exactly; lengths are sorted in the file, profiles are those of a study
+    of one length."""
     tree = xr.load_datatree(bar)
     data = tree.to_dataset()
     assert data["h_max"].dims == ("width", "E", "level")
@@ -66,23 +70,36 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
 
 def test_a_geometry_that_cannot_be_is_a_status_with_its_reason(tmp_path: Path) -> None:
     tree = run(HOLED, tmp_path / "out.nc")
-    assert tree["status"].isel(level=0).values.tolist() == [PointStatus.MESH_FAILED, PointStatus.OK, PointStatus.OK]
-    assert str(tree["reason"].values[0, 0]).startswith("body.holes[0]: the hole touches or crosses the outline")
+    assert tree["status"].isel(level=0).values.tolist() == [
+        PointStatus.MESH_FAILED,
+        PointStatus.OK,
+        PointStatus.OK,
+    ]
+    assert str(tree["reason"].values[0, 0]).startswith(
+        "body.holes[0]: the hole touches or crosses the outline"
+    )
     assert tree["geometry"].values.tolist() == [-1, 1, 2]
     assert "1 solution failed: mesh failed: body.holes[0]" in text_of(tmp_path / "out.nc")
     notes = plan(read_study_text(HOLED)).notes
-    assert any(note.startswith("refused, parameters.height = 10 mm: body.holes[0]: ") for note in notes)
+    assert any(
+        note.startswith("refused, parameters.height = 10 mm: body.holes[0]: ") for note in notes
+    )
 
 
 def test_a_refused_geometry_of_more_points_than_the_first_other() -> None:
-    points = ", ".join(f"{{body.rectangle.width: {width}, E: {E}}}" for width, E in ((1e-9, 1), (1e-9, 2), (3, 4)))
-    study = read_study_text(BAR[: BAR.index("sweep:")] + f"sweep: {{mode: list, points: [{points}]}}")
+    points = ", ".join(
+        f"{{body.rectangle.width: {width}, E: {E}}}" for width, E in ((1e-9, 1), (1e-9, 2), (3, 4))
+    )
+    study = read_study_text(
+        BAR[: BAR.index("sweep:")] + f"sweep: {{mode: list, points: [{points}]}}"
+    )
     assert [one.reason != "" for one in study.variants] == [True, False]
     assert [scene.material.E for scene in study.scenes] == [4, 4, 4]
 
 
 def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
-    """Points of a list with equal geometries are one run; the text and options in a group are that study."""
+    """Points of a list with equal geometries are one run; the text and options in a group are that
+    study."""
     points = ", ".join(f"{{mesh.maxh: {h} mm, E: {E} GPa}}" for h, E in ((20, 1), (10, 1), (20, 2)))
     study = read_study_text(BAR, "study", [f"sweep={{mode: list, points: [{points}]}}"])
     assert [one.places.tolist() for one in study.variants] == [[0, 2], [1]]
@@ -103,11 +120,23 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ("mesh={maxh: 20 mm, tolerance: 1e-3}", "with a tolerance or adaptive meshes each would end on another level"),
+        (
+            "mesh={maxh: 20 mm, tolerance: 1e-3}",
+            "with a tolerance or adaptive meshes each would end on another level",
+        ),
         ("sweep={mesh.maxh: [1 m, 2 m]}", "no geometry of the sweep can be made"),
-        ("sweep={body.rectangle.with: [1 mm]}", "body cannot be swept; sweep a number that it gives"),
-        ("sweep={mesh.levels: [1, 2]}", "mesh cannot be swept; sweep mesh.maxh, mesh.grading or mesh.marking"),
-        ("sweep={body.rectangle.width: [-1 mm, 2 mm]}", "rectangle.width[0]: must be greater than 0, but is -1 mm"),
+        (
+            "sweep={body.rectangle.with: [1 mm]}",
+            "body cannot be swept; sweep a number that it gives",
+        ),
+        (
+            "sweep={mesh.levels: [1, 2]}",
+            "mesh cannot be swept; sweep mesh.maxh, mesh.grading or mesh.marking",
+        ),
+        (
+            "sweep={body.rectangle.width: [-1 mm, 2 mm]}",
+            "rectangle.width[0]: must be greater than 0, but is -1 mm",
+        ),
         ("sweep={body.rectangle.width: [1 kg]}", "'kg' is not a unit of a length"),
     ],
 )
@@ -119,22 +148,32 @@ def test_what_is_refused(change: str, what: str) -> None:
 
 
 def test_a_map_shows_all_geometries(bar: Path, tmp_path: Path) -> None:
-    assert main(["draw", str(bar), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
+    assert (
+        main(["draw", str(bar), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"])
+        == 0
+    )
 
 
 ONE = BAR.replace(", levels: 2", "")
 
 
 def same(one: Path, two: Path, at: dict[str, object]) -> None:
-    """The points of one file are those of the other, to the bit: numbers, and profiles of their geometries."""
+    """The points of one file are those of the other, to the bit: numbers, and profiles of their
+    geometries."""
     with xr.open_datatree(one) as a, xr.open_datatree(two) as b:
         for name in ("status", "energy", "u_T_max", "h_max"):
-            pair = [t[name].sel({k: v for k, v in at.items() if k in t[name].dims}).values for t in (a, b)]
+            pair = [
+                t[name].sel({k: v for k, v in at.items() if k in t[name].dims}).values
+                for t in (a, b)
+            ]
             assert np.array_equal(*pair), name
         inner = {name: at[name] for name in ("E",) if name in at}
         for i, j in {*zip(*(t["geometry"].sel(at).values.ravel() for t in (a, b)), strict=True)}:
             pair = [t[f"geometry_{k}/level_0"].to_dataset().sel(inner) for t, k in ((a, i), (b, j))]
-            assert all(np.array_equal(*(lines[name].values for lines in pair)) for name in ("arclength", "u_T", "xi"))
+            assert all(
+                np.array_equal(*(lines[name].values for lines in pair))
+                for name in ("arclength", "u_T", "xi")
+            )
 
 
 def right(tree: xr.DataTree) -> bool:
@@ -143,12 +182,20 @@ def right(tree: xr.DataTree) -> bool:
     return bool((abs(at["u_T_max"] / (1e6 * at["width"] / at["E"]) - 1.0) < 1e-10).all())
 
 
-def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """New lengths, and new moduli at old ones, are added, also after a stop; what was there stays to the bit."""
+def test_files_of_geometries_grow_and_are_mended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """New lengths, and new moduli at old ones, are added, also after a stop; what was there stays
+    to the bit."""
     path, before, counted = tmp_path / "out.nc", tmp_path / "before.nc", Counted(monkeypatch)
-    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa]}"]), path)
+    execute(
+        read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa]}"]),
+        path,
+    )
     shutil.copy(path, before)
-    more = read_study_text(ONE, "s", ["sweep={body.rectangle.width: [0.1, 0.2], E: [70 GPa, 35 GPa]}"])
+    more = read_study_text(
+        ONE, "s", ["sweep={body.rectangle.width: [0.1, 0.2], E: [70 GPa, 35 GPa]}"]
+    )
     study, kept = what_is_left(more, path, force=False, append=True)
     counted.most = 2 + 1
     with pytest.raises(KeyboardInterrupt):
@@ -167,7 +214,11 @@ def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: py
 def test_what_is_refused_stays_so_where_a_file_grows(tmp_path: Path) -> None:
     path = tmp_path / "a.nc"
     execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [8 mm, 30 mm]}"]), path)
-    tree = tcstudy.run(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), path, append=True)
+    tree = tcstudy.run(
+        read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]),
+        path,
+        append=True,
+    )
     refused = int(PointStatus.MESH_FAILED)
     assert tree["height"].values.tolist() == [0.008, 0.01, 0.02, 0.03]
     assert tree["status"].values[:, 0].tolist() == [refused, refused, 1, 1]
@@ -195,12 +246,19 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
     assert np.all((data["slope_u_energy"] > 0.9) & (data["slope_u_energy"] < 1.1))
     for height in (1.0, 0.5):
         changes = [f"parameters.H={height}", "sweep={lambda: [1.5, 3]}"]
-        one = tcstudy.converge(read_study_text(CHOSEN, "s", changes), tmp_path / f"{height}.nc").to_dataset()
+        one = tcstudy.converge(
+            read_study_text(CHOSEN, "s", changes), tmp_path / f"{height}.nc"
+        ).to_dataset()
         for name in ("h_max", "n_dof", "error_u_energy", "rate_xi_L2", "limit_energy"):
             found = data[name].sel(H=height)
-            assert np.array_equal(found, one[name].broadcast_like(found), equal_nan=True), (name, height)
+            assert np.array_equal(found, one[name].broadcast_like(found), equal_nan=True), (
+                name,
+                height,
+            )
     listed = "sweep={mode: list, points: [{parameters.height: 10 mm}, {parameters.height: 20 mm}]}"
-    lost = tcstudy.converge(read_study_text(HOLED, "s", ["mesh.levels=2", listed]), tmp_path / "lost.nc").to_dataset()
+    lost = tcstudy.converge(
+        read_study_text(HOLED, "s", ["mesh.levels=2", listed]), tmp_path / "lost.nc"
+    ).to_dataset()
     assert lost["status"].values.tolist() == [[PointStatus.MESH_FAILED] * 2, [PointStatus.OK] * 2]
     assert np.isnan(lost["h_max"].values).tolist() == [[True, True], [False, False]]
     assert lost.attrs["notes"].startswith("refused, parameters.height = 10 mm: body.holes[0]: ")
@@ -209,12 +267,15 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
 def test_cost_and_path_are_of_one_geometry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cost of that of its point, or refused with the reason; a path of the body outside the sweep."""
+    """Cost of that of its point, or refused with the reason; a path of the body outside the
+    sweep."""
     monkeypatch.setattr(cost, "RUNS", 1)
     study = read_study_text(CHOSEN)
     data = tcstudy.cost(study, tmp_path / "cost.nc", at={"H": 0.5}).to_dataset()
     own = data.sel(family="uniform").isel(level=slice(3))
-    alone = tcstudy.converge(read_study_text(CHOSEN, "s", ["parameters.H=0.5", "sweep=null"]), tmp_path / "one.nc")
+    alone = tcstudy.converge(
+        read_study_text(CHOSEN, "s", ["parameters.H=0.5", "sweep=null"]), tmp_path / "one.nc"
+    )
     assert np.array_equal(own["n_dof"], alone["n_dof"])
     assert "H = 0.5" in data.attrs["point"]
     with pytest.raises(GeometryFailed, match=r"the hole touches .*; name another geometry by --at"):
@@ -222,7 +283,9 @@ def test_cost_and_path_are_of_one_geometry(
     along = BAR + "path: {parameter: boundary.right.g_x, from: 0 Pa, to: 1 MPa}\n"
     along = along.replace("law: linear, k: 0", "law: tresca, tau: 10 kPa")
     found = tcstudy.run(read_study_text(along), tmp_path / "path.nc").to_dataset()
-    alone = tcstudy.run(read_study_text(along, "s", ["sweep=null"]), tmp_path / "alone.nc").to_dataset()
+    alone = tcstudy.run(
+        read_study_text(along, "s", ["sweep=null"]), tmp_path / "alone.nc"
+    ).to_dataset()
     assert float(found["x"].max()) == 0.2
     assert np.array_equal(found["u_T"], alone["u_T"])
     file = tmp_path / "along.yaml"

@@ -1,4 +1,5 @@
-"""Who works: as many workers as pay; geometries made and solved by workers give the file of one process to the bit."""
+"""Who works: as many workers as pay; geometries made and solved by workers give the file of one
+process to the bit."""
 
 import os
 import signal
@@ -51,7 +52,9 @@ def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, exp
 
 
 @pytest.mark.usefixtures("four_processors")
-def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whole_calls_get_the_workers_that_pay_and_have_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     each = [Resources(5.0, 1e9)] * 10
     assert who.for_calls(each, None) == 4
     assert who.for_calls(each, None, start=20.0) == 2
@@ -104,9 +107,15 @@ class Watch:
             self.do()
 
 
-def test_workers_write_the_file_of_one_process_though_one_is_killed(alone: Path, tmp_path: Path) -> None:
+def test_workers_write_the_file_of_one_process_though_one_is_killed(
+    alone: Path, tmp_path: Path
+) -> None:
     def kill() -> None:
-        own = (pid for pid in children(os.getpid()) if b"executors.worker" in Path(f"/proc/{pid}/cmdline").read_bytes())
+        own = (
+            pid
+            for pid in children(os.getpid())
+            if b"executors.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        )
         os.kill(next(own), signal.SIGKILL)
 
     watch = Watch(2, kill)
@@ -123,7 +132,11 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
     """What was told is solved by a run that mends the file."""
     pids, path, study = tmp_path / "pids", tmp_path / "out.nc", read_study_text(BARS)
     with monkeypatch.context() as patched:
-        patched.setattr(who, "ProcessExecutor", partial(ProcessExecutor, command=(CRUEL, "kill", "0.015", str(pids))))
+        patched.setattr(
+            who,
+            "ProcessExecutor",
+            partial(ProcessExecutor, command=(CRUEL, "kill", "0.015", str(pids))),
+        )
         summary = execute(study, path, jobs=2)
     assert (summary.points, summary.failed) == (18, 6)
     assert len(set(pids.read_text().split())) == 2
@@ -136,7 +149,9 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
     assert_same(alone, path)
 
 
-def test_a_long_history_is_not_taken_for_one_that_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_history_is_not_taken_for_one_that_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A worker may take many times what its steps are expected to take, though that be hours."""
     allowed = list[float]()
 

@@ -1,16 +1,21 @@
-"""Studies with exact solutions: stick–slip with its singularity, a curved contact line, nearly incompressible bodies.
+"""Studies with exact solutions: stick–slip with its singularity, a curved contact line, nearly
+incompressible bodies.
 
 Stick–slip:  (0,1)×(0,½), f = 0, displacement given on all sides but the contact y = 0. With r, φ about (a, 0) and
-             κ = (λ+3μ)/(λ+μ) the field u = C r^{3/2}/(2μ) · (p cos 3φ/2 + q cos φ/2 cos φ − p sin φ/2 sin φ,
-             −p sin 3φ/2 + q cos φ/2 sin φ + p sin φ/2 cos φ), p = κ + 3/2, q = κ − 3/2, solves the elastic equations
-             with u_N = 0 on y = 0, S_T = 0 for x > a and u_T = 0 for x < a (Williams' term of exponent 3/2).
+             κ = (λ+3μ)/(λ+μ) the field u = C r^{3/2}/(2μ) · (p cos 3φ/2 + q cos φ/2 cos φ − p sin
+             φ/2 sin φ,
+             −p sin 3φ/2 + q cos φ/2 sin φ + p sin φ/2 cos φ), p = κ + 3/2, q = κ − 3/2, solves the
+             elastic equations
+             with u_N = 0 on y = 0, S_T = 0 for x > a and u_T = 0 for x < a (Williams' term of
+             exponent 3/2).
              A uniform shear τ y/μ is added: slip u_T = Cκ r^{3/2}/μ > 0 with ξ = τ, stick with
              ξ = τ − 3/2 (κ+1) C r^{1/2} ≥ −τ
 Curved:      a ring sector 1/2 < r < 1 that turns in itself, u = (A + B/r²)(−y, x), f = 0, contact on the arc r = 1:
              u_T = A + B, ξ = 2μB
 Heated:      that sector, its loads derived: contact on r = 1 (insulated), convection and traction on r = 1/2, the ends
              insulated; with s = 0.3 + 0.1 xy/r², w = (τ_s − τ_k)/δ and μ = 1
-             u_φ = s (1 + (1 + w)(r − 1)) − τ_s (r − 1), u_r = 0.2 (r − 1) x, θ = 1 + r²/2 − log r: u_r(1) = 0,
+             u_φ = s (1 + (1 + w)(r − 1)) − τ_s (r − 1), u_r = 0.2 (r − 1) x, θ = 1 + r²/2 − log r:
+             u_r(1) = 0,
              −S_T = −μ(u_φ,r − u_φ) = τ_s − w s = b(u_T) with u_T = s, ∂θ/∂r(1) = 0
 Locking:     unit square, u = curl of sin(πx)(y + k y²/2μ), div u = 0 for all λ, ξ = k u_T
 """
@@ -28,7 +33,10 @@ TAU, CHANGE, C = 0.5, 1 / 3, 0.2
 def stick_slip(levels: int, degrees: float = 0.0, maxh: float = 0.25) -> Study:
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     X, Y = f"({c!r}*x + {s!r}*y - {CHANGE})", f"({c!r}*y - {s!r}*x)"
-    phi, r = f"atan2(abs({Y}), {X})", f"({X}^2 + {Y}^2)^0.75"  # abs: Y may round to −0, where φ would jump
+    phi, r = (
+        f"atan2(abs({Y}), {X})",
+        f"({X}^2 + {Y}^2)^0.75",
+    )  # abs: Y may round to −0, where φ would jump
     p, q = KAPPA + 1.5, KAPPA - 1.5
     half = f"({phi}/2)"
     u = (

@@ -1,4 +1,5 @@
-"""Closed forms of the gallery's studies: a thin bar on any law of straight pieces, and a ring that turns on its shaft.
+"""Closed forms of the gallery's studies: a thin bar on any law of straight pieces, and a ring that
+turns on its shaft.
 
 Bar:   D s″ = b(s) on (0, L), s(0) = 0, s′(L) = α ΔT, the free end; s is the slip, D = E H. On a piece of b with slope k
        s is a polynomial (k = 0), hyperbolic (k > 0) or trigonometric (k < 0), and with κ = k/D and the slopes p₀, p₁ at
@@ -21,7 +22,8 @@ Law = Sequence[tuple[float, float]]
 
 
 def bar(law: Law, stiffness: float, length: float, strain: float, at: Array) -> Array:
-    """Slip [m] at the places `at` of a bar of stiffness D [N/m] that heat would strain by `strain`."""
+    """Slip [m] at the places `at` of a bar of stiffness D [N/m] that heat would strain by
+    `strain`."""
     last = (law[-1][0] + 1e3 * strain * length, law[-1][1])
     pieces = list(zip(law, [*law[1:], last], strict=True))
 
@@ -38,7 +40,9 @@ def bar(law: Law, stiffness: float, length: float, strain: float, at: Array) -> 
                 x, p = x + (2 * (cmath.atanh(root * reach) / root).real if kappa else 2 * reach), p1
         return stations
 
-    def slip_and_slope(stations: list[tuple[float, float, float, float, float]], x: float) -> tuple[float, float]:
+    def slip_and_slope(
+        stations: list[tuple[float, float, float, float, float]], x: float
+    ) -> tuple[float, float]:
         below = [station for station in stations if station[0] <= x]
         if not below:
             return 0.0, 0.0
@@ -49,12 +53,22 @@ def bar(law: Law, stiffness: float, length: float, strain: float, at: Array) -> 
         sinh, cosh = (cmath.sinh(root * d) / root).real, cmath.cosh(root * d).real
         return s + p * sinh + c * (cosh - 1) / kappa, p * cosh + c * sinh
 
-    least = -length if law[0][1] else 1e-9 * strain  # a law from b(0) = 0 lets the bar slip everywhere
-    end = brentq(lambda free: slip_and_slope(along(free), length)[1] - strain, least, strain, xtol=1e-300, rtol=1e-14)
+    least = (
+        -length if law[0][1] else 1e-9 * strain
+    )  # a law from b(0) = 0 lets the bar slip everywhere
+    end = brentq(
+        lambda free: slip_and_slope(along(free), length)[1] - strain,
+        least,
+        strain,
+        xtol=1e-300,
+        rtol=1e-14,
+    )
     return np.array([slip_and_slope(along(end), float(x))[0] for x in at])
 
 
-def ring_slip(law: Law, shear: float, inner: float, outer: float, turned: float) -> tuple[float, float]:
+def ring_slip(
+    law: Law, shear: float, inner: float, outer: float, turned: float
+) -> tuple[float, float]:
     """(slip [m], ξ [Pa]) on the shaft when the outer edge moves by `turned` [m]."""
     stiffness = 2 * shear / (inner * (1 - (inner / outer) ** 2))
     push = stiffness * turned * inner / outer

@@ -84,7 +84,9 @@ _SPLIT = """body:
     - {from: [2, 1], edge: top}
     - {from: [0, 1], edge: left}
 boundary: {shoe: contact, bottom"""
-PATCH = FILM.replace("delta: 0.1}", 'delta: 0.1, strength: "1 - 0.6*max(0, min(1, (x - 0.83)*1e9))"}')
+PATCH = FILM.replace(
+    "delta: 0.1}", 'delta: 0.1, strength: "1 - 0.6*max(0, min(1, (x - 0.83)*1e9))"}'
+)
 """The film weaker beyond x = 0.83, which is no node."""
 PATCH_AT_NODE = PATCH.replace(
     "body: {rectangle: {width: 2, height: 1}}\nboundary: {bottom", _SPLIT.replace("AT", "0.83")
@@ -92,7 +94,9 @@ PATCH_AT_NODE = PATCH.replace(
 """The same with a node there, of half the step: lumping does not see the step."""
 
 BRACKET = (
-    HEATED_BRACKET.replace("  regions:\n    heater: {rectangle: {corner: [1.3, 0.4], width: 0.4, height: 0.3}}\n", "")
+    HEATED_BRACKET.replace(
+        "  regions:\n    heater: {rectangle: {corner: [1.3, 0.4], width: 0.4, height: 0.3}}\n", ""
+    )
     .replace(", omega: heater", "")
     .replace("{law: exponential, a: 0.004, b: 0.002, delta: 0.02}", "{law: tresca, tau: 0.01}")
     .replace("{maxh: 0.2, levels: 2}", "{maxh: 0.4, levels: 1}")
@@ -142,7 +146,8 @@ def front_slip(change: float, x: float) -> float:
 
 
 def ring_scene() -> tuple[Study, float, float]:
-    """The ring, its ∫ξ and its u_T (held nodes give their cells away, and chords are shorter than arcs)."""
+    """The ring, its ∫ξ and its u_T (held nodes give their cells away, and chords are shorter than
+    arcs)."""
     A, B = closed_forms.A, closed_forms.B
     return closed_forms.ring(1), 2 * closed_forms.MU * B * math.radians(70), A + B
 
@@ -155,7 +160,9 @@ def scene_of(text: str) -> Study:
     return read_study_text(text, "scene")
 
 
-def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> Iterator[tuple[Level, float]]:
+def solved_meshes(
+    study: Study, goal: Goal, most: int, marking: float = 0.6
+) -> Iterator[tuple[Level, float]]:
     """Adaptive meshes for a goal up to `most` unknowns, with J(u_h)."""
     plan = MeshPlan(study.mesh.maxh, 60, "adaptive", goal=goal, marking=marking)
     scene, family = study.scenes[0], Family(replace(study, mesh=plan))
@@ -171,7 +178,8 @@ def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> 
 
 @cache
 def fine_value(text: str, goal: Goal, most: int = 1500) -> float:
-    """J(u_h) itself, nothing extrapolated, where every triangle of a mesh of `most` unknowns is cut into sixteen."""
+    """J(u_h) itself, nothing extrapolated, where every triangle of a mesh of `most` unknowns is cut
+    into sixteen."""
     study = scene_of(text)
     mesh = [level for level, _ in solved_meshes(study, goal, most)][-1].mesh
     for _ in range(2):
@@ -185,8 +193,11 @@ def _value(study: Study, goal: Goal, mesh: PlaneMesh) -> float:
     return goal_value(goal, problem, level.line, solve_contact(problem).v)
 
 
-def value_at_corner(study: Study, goal: Goal, at: Point, most: int = 6000, steps: int = 36) -> float:
-    """J with the mesh bisected at one corner `steps` times, extrapolated by Aitken's rule over thirds of them."""
+def value_at_corner(
+    study: Study, goal: Goal, at: Point, most: int = 6000, steps: int = 36
+) -> float:
+    """J with the mesh bisected at one corner `steps` times, extrapolated by Aitken's rule over
+    thirds of them."""
     mesh = [level for level, _ in solved_meshes(study, goal, most)][-1].mesh
     values = []
     for k in range(1, steps + 1):
@@ -198,8 +209,17 @@ def value_at_corner(study: Study, goal: Goal, at: Point, most: int = 6000, steps
     return values[2] + second**2 / (first - second)
 
 
-def table(study: Study, goal: Goal, known: float, family: FamilyName, levels: int, most: int = 8000) -> list[Row]:
-    plan = MeshPlan(study.mesh.maxh, levels, family, goal=replace(goal, known=known), estimate=True, max_dofs=4 * most)
+def table(
+    study: Study, goal: Goal, known: float, family: FamilyName, levels: int, most: int = 8000
+) -> list[Row]:
+    plan = MeshPlan(
+        study.mesh.maxh,
+        levels,
+        family,
+        goal=replace(goal, known=known),
+        estimate=True,
+        max_dofs=4 * most,
+    )
     records = list(run(replace(study, mesh=plan)))
     sizes = [r.n_dof for r in records if isinstance(r, LevelRecord) and not r.stop]
     points = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
@@ -214,7 +234,8 @@ def table(study: Study, goal: Goal, known: float, family: FamilyName, levels: in
 def at_crossing(rows: list[Row], i: int) -> bool:
     """Whether the error of level i is small by accident, as the true errors alone tell.
 
-    Its sign changes beside level i, or it is less than a third of what N^{-1} through all levels' errors says.
+    Its sign changes beside level i, or it is less than a third of what N^{-1} through all levels'
+    errors says.
     """
     near = [row.signed for row in rows[max(i - 1, 0) : i + 2]]
     typical = float(np.median([abs(row.signed) * row.n_dof for row in rows]))

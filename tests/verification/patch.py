@@ -1,4 +1,5 @@
-"""The multivalued patch test: uniform shear of a block on a frictional base, exact in P1 on every mesh.
+"""The multivalued patch test: uniform shear of a block on a frictional base, exact in P1 on every
+mesh.
 
 Domain:   (0, L) × (0, H), turned by an angle
 Boundary: top u = (U, 0), sides rolling (no displacement along them in y, no traction in x), base in contact
@@ -65,4 +66,7 @@ mesh: {{maxh: {maxh}}}
 
 
 def exact_energy(case: Case, study: Study, slip: float) -> float:
-    return LENGTH * (SHEAR * (case.U - slip) ** 2 / (2 * HEIGHT) + float(study.scenes[0].friction.j(np.array(slip))))
+    return LENGTH * (
+        SHEAR * (case.U - slip) ** 2 / (2 * HEIGHT)
+        + float(study.scenes[0].friction.j(np.array(slip)))
+    )

@@ -1,4 +1,5 @@
-"""Errors and numbers of a measured point by name, each with its parts as attributes: `errors(point)["u_H1"].rate`."""
+"""Errors and numbers of a measured point by name, each with its parts as attributes:
+`errors(point)["u_H1"].rate`."""
 
 from collections.abc import Mapping
 from types import SimpleNamespace
@@ -24,8 +25,13 @@ def notes(found: Record) -> list[str]:
 
 
 def series(point: Mapping[str, Any], name: str) -> Any:
-    """What a point has of one error or number; the verdict in words, and the norm of the reference."""
-    parts = {key.removesuffix(f"_{name}"): point[key] for key in NAMES & {*point} if key.endswith(f"_{name}")}
+    """What a point has of one error or number; the verdict in words, and the norm of the
+    reference."""
+    parts = {
+        key.removesuffix(f"_{name}"): point[key]
+        for key in NAMES & {*point}
+        if key.endswith(f"_{name}")
+    }
     if "verdict" in parts:
         parts |= {"verdict": VERDICTS[parts["verdict"]], "size": parts["size_squared"] ** 0.5}
     return SimpleNamespace(**parts)

@@ -1,4 +1,5 @@
-"""`tcstudy converge` on exact solutions: rates and absolute bounds of every norm, locking, derived loads."""
+"""`tcstudy converge` on exact solutions: rates and absolute bounds of every norm, locking, derived
+loads."""
 
 import re
 
@@ -45,7 +46,13 @@ def mixed() -> Record:
 def test_smooth_slip(slipping: Record) -> None:
     found = errors(points(slipping)[0])
     for norm, order, bound in (
-        *(("u_energy", 1, 1.2e-3), ("u_H1", 1, 1e-3), ("u_L2", 2, 1e-5), ("u_T_L2", 2, 7e-5), ("u_T_max", 2, 5e-5)),
+        *(
+            ("u_energy", 1, 1.2e-3),
+            ("u_H1", 1, 1e-3),
+            ("u_L2", 2, 1e-5),
+            ("u_T_L2", 2, 7e-5),
+            ("u_T_max", 2, 5e-5),
+        ),
         *(("xi_L2", 1, 3e-4), ("xi_nodes", 2, 8e-6), ("xi_max", 2, 8e-6)),
     ):
         assert (found[norm].verdict, found[norm].expected) == ("as_expected", order)
@@ -57,9 +64,16 @@ def test_smooth_slip(slipping: Record) -> None:
 
 
 def test_stick_slip(mixed: Record) -> None:
-    """The change at x = 1/3 lies at a third and two thirds of an element in turn: rates over two levels count."""
+    """The change at x = 1/3 lies at a third and two thirds of an element in turn: rates over two
+    levels count."""
     for norm, order, bound in (
-        *(("u_energy", 1, 8e-3), ("u_H1", 1, 8e-3), ("u_L2", 2, 8e-5), ("u_T_L2", 1.5, 1e-3), ("u_T_max", 1, 4e-3)),
+        *(
+            ("u_energy", 1, 8e-3),
+            ("u_H1", 1, 8e-3),
+            ("u_L2", 2, 8e-5),
+            ("u_T_L2", 1.5, 1e-3),
+            ("u_T_max", 1, 4e-3),
+        ),
         *(("xi_L2", 1, 7e-3), ("xi_nodes", 1, 3e-3), ("xi_max", 0.5, 2e-2)),
     ):
         own = errors(points(mixed)[0])[norm]
@@ -70,13 +84,19 @@ def test_stick_slip(mixed: Record) -> None:
 
 
 def test_a_held_end_takes_a_third_of_the_traction(mixed: Record) -> None:
-    """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the node sticks."""
+    """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the
+    node sticks."""
     study = closed_forms.stick_slip(6)
     levels = solve_levels(study, lambda text: None)
     xi = levels[-1].solutions[()].xi
-    exact = at_contact_nodes(exact_xi(study.exact, study.scenes[0]), levels[-1].mesh, levels[-1].line)
+    exact = at_contact_nodes(
+        exact_xi(study.exact, study.scenes[0]), levels[-1].mesh, levels[-1].line
+    )
     assert levels[-1].next_to_held.tolist() == [True] + [False] * (len(xi) - 2) + [True]
-    assert (xi[0] / exact[0], xi[1] / exact[1]) == (pytest.approx(2 / 3, abs=0.02), pytest.approx(1, abs=0.05))
+    assert (xi[0] / exact[0], xi[1] / exact[1]) == (
+        pytest.approx(2 / 3, abs=0.02),
+        pytest.approx(1, abs=0.05),
+    )
 
 
 def test_what_p1_contains_is_exact() -> None:
@@ -94,14 +114,17 @@ def test_what_p1_contains_is_exact() -> None:
 
 
 def test_a_nested_reference_gives_the_true_errors(slipping: Record) -> None:
-    """Against level 5 instead of the exact solution: the same to the reference's own share, 4^-2 of the square."""
+    """Against level 5 instead of the exact solution: the same to the reference's own share, 4^-2 of
+    the square."""
     found = converge(smooth_study(6, exact=False))
     assert "level 5" in found.attributes["reference"]
     assert found.values["compared"].tolist() == [True] * 4 + [False] * 2
     for name, one in errors(points(found)[0]).items():
         assert not np.isfinite(one.error[4:]).any()
         if name.startswith("u_") and "T" not in name:
-            np.testing.assert_allclose(one.error[:4], errors(points(slipping)[0])[name].error[:4], rtol=0.08)
+            np.testing.assert_allclose(
+                one.error[:4], errors(points(slipping)[0])[name].error[:4], rtol=0.08
+            )
 
 
 def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Record, mixed: Record) -> None:
@@ -114,11 +137,14 @@ def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Record, mixed: Rec
     assert energy.limit_order == pytest.approx(2, abs=0.02)
     x = np.linspace(0, 1, 100_001)
     resultant = np.trapezoid(smooth.friction(x), x)
-    assert series(points(slipping)[0], "friction_resultant").exact == pytest.approx(resultant, rel=1e-9)
+    assert series(points(slipping)[0], "friction_resultant").exact == pytest.approx(
+        resultant, rel=1e-9
+    )
 
 
 def test_locking_is_measured_and_warned_about() -> None:
-    """On a solution that does not depend on ν the error grows with λ; the figures of the warning are these."""
+    """On a solution that does not depend on ν the error grows with λ; the figures of the warning
+    are these."""
     poissons = tuple(MEASURED)
     study = closed_forms.incompressible(4, poissons)
     assert any("P1 elements lock" in str(note) for note in warnings(study))
@@ -132,7 +158,8 @@ def test_locking_is_measured_and_warned_about() -> None:
     assert by_nu[0.4999]["u_T_L2"].verdict in ("pre_asymptotic", "slower")
 
 
-# -- derived loads ------------------------------------------------------------------------------------
+# -- derived loads
+# ------------------------------------------------------------------------------------
 
 
 def with_derived_loads(study: Study) -> Study:
@@ -157,7 +184,8 @@ HAND = {
 
 @pytest.mark.parametrize("name", HAND)
 def test_the_loads_given_by_hand_come_out(name: str) -> None:
-    """As what the contact problem is made of: condensed load l̃, and l_θ and the prescribed displacements."""
+    """As what the contact problem is made of: condensed load l̃, and l_θ and the prescribed
+    displacements."""
     hand, own = HAND[name], with_derived_loads(HAND[name])
     assert len(hand.scenes) == len(own.scenes)
     for given, found in zip(hand.scenes, own.scenes, strict=True):
@@ -169,7 +197,9 @@ def test_the_loads_given_by_hand_come_out(name: str) -> None:
         np.testing.assert_allclose(b.problem.l_tilde, a.problem.l_tilde, rtol=0, atol=1e-12 * size)
         assert b.constant == pytest.approx(a.constant, rel=1e-12)
         load = one.load(given)
-        np.testing.assert_allclose(other.load(found), load, rtol=0, atol=1e-12 * max(1.0, np.max(np.abs(load))))
+        np.testing.assert_allclose(
+            other.load(found), load, rtol=0, atol=1e-12 * max(1.0, np.max(np.abs(load)))
+        )
         np.testing.assert_allclose(other.frames.values, one.frames.values, rtol=0, atol=1e-13)
 
 
@@ -180,8 +210,18 @@ def test_heated_ring() -> None:
     resultant = series(points(found)[0], "friction_resultant")
     assert abs(resultant.limit - resultant.exact) <= max(resultant.uncertainty, 1e-12)
     for norm, order, bound in (
-        *(("theta_L2", 2, 8.5e-5), ("theta_H1", 1, 2.3e-2), ("u_energy", 1, 1.8e-2), ("u_H1", 1, 1.9e-2)),
-        *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
+        *(
+            ("theta_L2", 2, 8.5e-5),
+            ("theta_H1", 1, 2.3e-2),
+            ("u_energy", 1, 1.8e-2),
+            ("u_H1", 1, 1.9e-2),
+        ),
+        *(
+            ("u_L2", 2, 2.7e-4),
+            ("u_T_L2", 1.5, 1.3e-3),
+            ("u_T_max", 1, 6e-3),
+            ("xi_nodes", 1.5, 4e-4),
+        ),
     ):
         own = errors(points(found)[0])[norm]
         assert (own.expected, own.rate[-1]) == (order, pytest.approx(order, abs=0.1))

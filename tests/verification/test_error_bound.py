@@ -29,8 +29,14 @@ def loaded_scene_of(seed: int) -> tuple[str, float]:
     """A body of `scene_of` with loads of every kind and a friction law, and ω/λ₁ of that."""
     rng, scene = np.random.default_rng(10**6 + seed), yaml.safe_load(scene_of(seed))
     E, size = scene["material"]["E"], scene["body"]["outline"][1]["from"][0]
-    draw = lambda scale: float(rng.normal() * scale)  # noqa: E731
-    linear = lambda scale: f"{draw(scale)!r} + ({draw(scale / size)!r})*x + ({draw(scale / size)!r})*y"  # noqa: E731
+
+    def draw(scale: float) -> float:
+        return float(rng.normal() * scale)
+
+    def linear(scale: float) -> str:
+        terms = draw(scale), draw(scale / size), draw(scale / size)
+        return "{!r} + ({!r})*x + ({!r})*y".format(*terms)
+
     stress, slip = 1e-3 * E, 1e-3 * size
     moved = rng.random() < 0.5
     given = [f"{draw(slip / size)!r}*x", f"{draw(slip / size)!r}*y"]
@@ -39,7 +45,9 @@ def loaded_scene_of(seed: int) -> tuple[str, float]:
         if role["role"] == "clamped" and "u_x" not in role and moved:
             role = {"role": "clamped", "u": given}
         elif role["role"] == "rigid":
-            role |= {"force": [0.0 if key in role else draw(stress * size) for key in ("u_x", "u_y")]}
+            role |= {
+                "force": [0.0 if key in role else draw(stress * size) for key in ("u_x", "u_y")]
+            }
             role |= {"moment": draw(stress * size**2)} if "moment" in role else {}
         elif role["role"] in ("free", "traction"):
             role = {**role, "role": "traction", "g": [linear(stress), linear(stress)]}
@@ -67,11 +75,14 @@ def energy_norm(level: Level, scene: Scene, u: Array) -> float:
     lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
     strain = own_strain(triangles, u)
     energy = triangles.area @ (stress_of(strain, lam, mu) * strain * [1.0, 1.0, 2.0]).sum(axis=1)
-    return float(np.sqrt(energy + (u @ level.forces(u, (), scene.springs) if scene.springs else 0.0)))
+    return float(
+        np.sqrt(energy + (u @ level.forces(u, (), scene.springs) if scene.springs else 0.0))
+    )
 
 
 def bounded(text: str) -> tuple[float, float, float]:
-    """Error of the coarse mesh against the mesh refined thrice, its bound, and the relative bound."""
+    """Error of the coarse mesh against the mesh refined thrice, its bound, and the relative
+    bound."""
     study = study_of(text, "mesh.levels=4")
     scene, levels = study.scenes[0], levels_of(study)
     v = [solve_contact(level.condensed(scene).problem).v for level in (levels[0], levels[-1])]
@@ -99,12 +110,17 @@ def test_no_error_is_above_its_bound(seed: int) -> None:
 
 @pytest.mark.parametrize(("share", "most"), [(-0.5, 1.003), (0.6, 3.1)])
 def test_the_bound_of_an_exact_solution(share: float, most: float) -> None:
-    """u = (x(a + by), cxy): σ is linear and −S_T = μbx = (μb/a)u_T, so that η is the error itself."""
+    """u = (x(a + by), cxy): σ is linear and −S_T = μbx = (μb/a)u_T, so that η is the error
+    itself."""
     (lam, mu), a, c = (0.3 / 0.52, 1.0 / 2.6), 0.1, 0.03
     fall = share * 0.41
     b = -fall * a / mu
     sum_ = f"{lam!r}*({a} + {b!r}*y + {c}*x)"
-    xx, yy, xy = f"{sum_} + {2 * mu!r}*({a} + {b!r}*y)", f"{sum_} + {2 * mu * c!r}*x", f"{mu!r}*({b!r}*x + {c}*y)"
+    xx, yy, xy = (
+        f"{sum_} + {2 * mu!r}*({a} + {b!r}*y)",
+        f"{sum_} + {2 * mu * c!r}*x",
+        f"{mu!r}*({b!r}*x + {c}*y)",
+    )
     text = f"""
 units: none
 body: {{rectangle: {{width: 2, height: 1}}}}
@@ -123,9 +139,15 @@ mesh: {{maxh: 0.4, levels: 3}}
         x, y = np.moveaxis(triangles.inner_points, 2, 0)
         strain = np.stack([a + b * y, c * x, 0.5 * (b * x + c * y)], axis=-1)
         strain -= own_strain(triangles, level.displacement(scene, v))[:, None]
-        energy = (stress_of(strain, np.array(lam), np.array(mu)) * strain * [1.0, 1.0, 2.0]).sum(axis=2).mean(axis=1)
+        energy = (
+            (stress_of(strain, np.array(lam), np.array(mu)) * strain * [1.0, 1.0, 2.0])
+            .sum(axis=2)
+            .mean(axis=1)
+        )
         error, bounds = float(np.sqrt(triangles.area @ energy)), ErrorBounds(level)
-        eta = bounds.equilibrated(scene, bounds.law(scene), level.displacement(scene, v).reshape(2, -1).T)[0]
+        eta = bounds.equilibrated(
+            scene, bounds.law(scene), level.displacement(scene, v).reshape(2, -1).T
+        )[0]
         assert eta == pytest.approx(error, rel=1e-9)
         assert error <= bounds.look(scene, v)["error_bound"] <= most * error
 
@@ -149,7 +171,10 @@ mesh: {maxh: 0.5}
         ("boundary.top.g=[x*y, 0]", "g of top is not linear"),
         ("heat.q=1", "computed on the mesh"),
         ("heat={theta: x*y}; boundary.right=free", "theta is not linear"),
-        ("friction={law: piecewise-linear, points: [[0, 0.1], [0.1, 0.1], [0.1, 0.05]]}", "jumps down"),
+        (
+            "friction={law: piecewise-linear, points: [[0, 0.1], [0.1, 0.1], [0.1, 0.05]]}",
+            "jumps down",
+        ),
         ("friction={law: tresca, tau: 0.1, strength: 1 + x}", "strength of friction varies"),
     ],
 )
@@ -159,8 +184,11 @@ def test_what_cannot_be_bounded_says_why(change: str, why: str) -> None:
 
 
 def test_a_tolerance_may_be_of_the_bound(tmp_path: Path) -> None:
-    """It is met at all points with a proof; what has none is refused with its place and a remedy."""
-    text = REFUSED.replace("{maxh: 0.5}", "{maxh: 0.3, tolerance: 0.15, of: error_bound}").replace('"x"', "0")
+    """It is met at all points with a proof; what has none is refused with its place and a
+    remedy."""
+    text = REFUSED.replace("{maxh: 0.5}", "{maxh: 0.3, tolerance: 0.15, of: error_bound}").replace(
+        '"x"', "0"
+    )
     (tmp_path / "s.yaml").write_text(text + "sweep: {friction.delta: [0.2, 0.6]}\n")
     data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset()
     bound = data["error_bound_relative"].values
@@ -171,12 +199,17 @@ def test_a_tolerance_may_be_of_the_bound(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(text.replace("delta: 0.12", "delta: 0.05"))
     data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "steep.nc").to_dataset()
     assert "no bound converges where ω ≥ λ₁ of the body" in str(data["stop"].values[-1])
-    with pytest.raises(StudyError, match=r"mesh.of: no bound is proved of this study: f varies in the body; give num"):
+    with pytest.raises(
+        StudyError,
+        match=r"mesh.of: no bound is proved of this study: f varies in the body; give num",
+    ):
         study_of(text, "loads={f: [x, 0]}")
 
 
 def test_convergence_has_the_bound_beside_the_error(tmp_path: Path) -> None:
-    text = REFUSED.replace("{maxh: 0.5}", "{maxh: 0.5, levels: 4, guarantee: true}").replace('"x"', "0")
+    text = REFUSED.replace("{maxh: 0.5}", "{maxh: 0.5, levels: 4, guarantee: true}").replace(
+        '"x"', "0"
+    )
     (tmp_path / "s.yaml").write_text(text)
     data = tcstudy.converge(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset()
     known = data["compared"].values == 1

@@ -1,8 +1,10 @@
-"""Estimated against true errors: smooth and singular solutions, heat; and the rates that refinement regains.
+"""Estimated against true errors: smooth and singular solutions, heat; and the rates that refinement
+regains.
 
-The distance is ‖u_ref − u_h‖_a itself, by quadrature on the reference mesh, not by a difference of energies. With
-friction the energy of a discrete solution is Σ c_i j(v_i) and not ∫j, and L(u_h) − L(u) = ½‖u_h − u‖²_a + ∫(j(u_h,T) −
-j(u_T) − ξ(u_h,T − u_T)), so that √(2(L_h − L_ref)) measures the square of the error together with terms of its size.
+The distance is ‖u_ref − u_h‖_a itself, by quadrature on the reference mesh, not by a difference of
+energies. With friction the energy of a discrete solution is Σ c_i j(v_i) and not ∫j, and L(u_h) −
+L(u) = ½‖u_h − u‖²_a + ∫(j(u_h,T) − j(u_T) − ξ(u_h,T − u_T)), so that √(2(L_h − L_ref)) measures the
+square of the error together with terms of its size.
 """
 
 from collections.abc import Iterator
@@ -32,7 +34,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Solved:
-    """One level of a family: its unknowns, estimated relative error, mesh and strain on the triangles (t, 3)."""
+    """One level of a family: its unknowns, estimated relative error, mesh and strain on the
+    triangles (t, 3)."""
 
     n_dof: int
     estimate: float
@@ -41,7 +44,8 @@ class Solved:
 
 
 def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterator[Solved]:
-    """Solve the first scene level by level, as a run does; ends with the first level of more than `most` unknowns."""
+    """Solve the first scene level by level, as a run does; ends with the first level of more than
+    `most` unknowns."""
     study = replace(study, mesh=replace(plan, estimate=True))
     scene, family = study.scenes[0], Family(study)
     for i in range(plan.levels):
@@ -65,9 +69,13 @@ def distance(solved: Solved, reference: Solved, study: Study) -> float:
     """‖u_ref − u_h‖_a/‖u_ref‖_a by one point for each triangle of the reference mesh."""
     lam, mu = study.scenes[0].material.lam, study.scenes[0].material.mu
     own, fine = solved.triangles, reference.triangles
-    found = Triangulation(*own.points.T, own.triangles).get_trifinder()(*fine.corners.mean(axis=1).T)
+    found = Triangulation(*own.points.T, own.triangles).get_trifinder()(
+        *fine.corners.mean(axis=1).T
+    )
     assert np.all(found >= 0)
-    apart, whole = (energy(e, lam, mu) for e in (reference.strain - solved.strain[found], reference.strain))
+    apart, whole = (
+        energy(e, lam, mu) for e in (reference.strain - solved.strain[found], reference.strain)
+    )
     return float(np.sqrt((fine.area @ apart) / (fine.area @ whole)))
 
 
@@ -75,14 +83,17 @@ LOW, HIGH = 0.5, 3.0
 """Bounds of estimated over true error."""
 
 
-# -- a smooth thermoelastic solution in closed form -------------------------------------------------
+# -- a smooth thermoelastic solution in closed form
+# -------------------------------------------------
 
 
 def energy_error(solved: Solved) -> float:
     """‖u − u_h‖_a by the midpoints' rule of degree 2 on every triangle."""
     points = solved.triangles.inner_points
     x, y = points[..., 0], points[..., 1]
-    (xx, xy), (yx, yy) = (np.broadcast_arrays(*f(x, y), x)[:2] for f in (exact.grad_u_x, exact.grad_u_y))
+    (xx, xy), (yx, yy) = (
+        np.broadcast_arrays(*f(x, y), x)[:2] for f in (exact.grad_u_x, exact.grad_u_y)
+    )
     d = np.stack([xx, yy, 0.5 * (xy + yx)], axis=-1) - solved.strain[:, None]
     return float(np.sqrt(solved.triangles.area @ energy(d, exact.LAM, exact.MU).mean(axis=1)))
 
@@ -99,7 +110,8 @@ def test_effectivity_on_the_manufactured_solution(family: str) -> None:
 
 
 def test_nothing_is_estimated_where_p1_is_exact() -> None:
-    """Multivalued patch test, all kinds of solutions: no residual in the body, on edges, in friction."""
+    """Multivalued patch test, all kinds of solutions: no residual in the body, on edges, in
+    friction."""
     for case in CASES:
         study = patch_study(case, 0.4, 37.0)
         assert next(iter(solved_levels(study, study.mesh))).estimate < 1e-10
@@ -117,17 +129,25 @@ mesh: {maxh: 0.25, levels: 4}
 
 
 def test_heat_estimate_and_coupling() -> None:
-    """θ = cos(πx), insulated on the left and right, in balance with its surroundings above and below."""
+    """θ = cos(πx), insulated on the left and right, in balance with its surroundings above and
+    below."""
     study = study_of(WARM)
     scene = study.scenes[0]
     energy, loads = [], []
     for level in levels_of(study):
         triangles, theta = level.mesh, level.temperature(scene).theta
-        ones, x, y = np.ones((len(triangles.triangles), 3)), *np.moveaxis(triangles.inner_points, 2, 0)
-        plane = np.linalg.solve(np.dstack([ones, triangles.corners]), theta[triangles.triangles, None])  # (t, 3, 1)
+        ones, x, y = (
+            np.ones((len(triangles.triangles), 3)),
+            *np.moveaxis(triangles.inner_points, 2, 0),
+        )
+        plane = np.linalg.solve(
+            np.dstack([ones, triangles.corners]), theta[triangles.triangles, None]
+        )  # (t, 3, 1)
         off = [np.cos(np.pi * x) - plane[:, 0] - plane[:, 1] * x - plane[:, 2] * y]
         slopes = [-np.pi * np.sin(np.pi * x) - plane[:, 1], 0.0 * x - plane[:, 2]]
-        l2, h1 = (np.sqrt(triangles.area @ sum(d**2 for d in one).mean(axis=1)) for one in (off, slopes))
+        l2, h1 = (
+            np.sqrt(triangles.area @ sum(d**2 for d in one).mean(axis=1)) for one in (off, slopes)
+        )
         energy.append(np.sqrt(heat_estimate(triangles, theta, scene).sum() / 2.0) / h1)
         loads.append(np.sqrt(coupling(triangles, theta, scene).sum() * 2.5) / 0.8 / l2)
     assert all(0.95 < ratio < 1.05 for ratio in energy[1:]), energy
@@ -136,14 +156,18 @@ def test_heat_estimate_and_coupling() -> None:
 
 
 def test_oscillating_data_are_seen() -> None:
-    """A force that the mesh cannot resolve: its average vanishes, the solution with it, the estimate does not."""
+    """A force that the mesh cannot resolve: its average vanishes, the solution with it, the
+    estimate does not."""
     text = WARM.replace('heat: {alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"}\n', "")
-    text = text.replace("convection", "free").replace("friction", 'loads: {f: ["sin(200*x)*sin(177*y)", 0]}\nfriction')
+    text = text.replace("convection", "free").replace(
+        "friction", 'loads: {f: ["sin(200*x)*sin(177*y)", 0]}\nfriction'
+    )
     solved = next(iter(solved_levels(study_of(text), MeshPlan((0.25,), 1))))
     assert solved.estimate > 1.0
 
 
-# -- springs, rigid edges, laws by edge, layers ------------------------------------------------------
+# -- springs, rigid edges, laws by edge, layers
+# ------------------------------------------------------
 
 SPRINGS = """
 units: none
@@ -156,10 +180,15 @@ mesh: {maxh: 0.5, levels: LEVELS, estimate: true}
 
 
 @pytest.mark.parametrize(
-    "right", ["{role: traction, g: [0.1, 0], spring: {normal: 3}}", "{role: rigid, u_y: 0, force: [0.1, 0]}"]
+    "right",
+    [
+        "{role: traction, g: [0.1, 0], spring: {normal: 3}}",
+        "{role: rigid, u_y: 0, force: [0.1, 0]}",
+    ],
 )
 def test_no_error_is_estimated_of_a_bar_that_is_exact_on_its_spring(right: str) -> None:
-    """σ = g − k u at the end, constant: P1 is exact, and so is the estimate; springs left out would leave k u."""
+    """σ = g − k u at the end, constant: P1 is exact, and so is the estimate; springs left out would
+    leave k u."""
     study = study_of(SPRINGS.replace("RIGHT", right).replace("LEVELS", "1"))
     level, scene = levels_of(study)[0], study.scenes[0]
     v = solve_contact(level.condensed(scene).problem).v
@@ -180,7 +209,11 @@ mesh: {maxh: 0.25, levels: 4, estimate: true}
 
 
 def on(right: str, friction: str) -> str:
-    text = SPRINGS.replace("RIGHT", right).replace("LEVELS", "4").replace("{law: linear, k: 0}", friction)
+    text = (
+        SPRINGS.replace("RIGHT", right)
+        .replace("LEVELS", "4")
+        .replace("{law: linear, k: 0}", friction)
+    )
     return text.replace("top: free", "top: contact") if "strength" in text else text
 
 
@@ -188,9 +221,13 @@ def on(right: str, friction: str) -> str:
     "text",
     [
         LAYERS,
-        on('{role: traction, g: ["0.3*y", 0.1], spring: {normal: 0.5, tangential: 2}}', "{law: linear, k: 0.5}"),
         on(
-            "{role: traction, g: [0.05, 0]}", "{bottom: {law: linear, k: 1, strength: 1 + x}, top: {law: linear, k: 3}}"
+            '{role: traction, g: ["0.3*y", 0.1], spring: {normal: 0.5, tangential: 2}}',
+            "{law: linear, k: 0.5}",
+        ),
+        on(
+            "{role: traction, g: [0.05, 0]}",
+            "{bottom: {law: linear, k: 1, strength: 1 + x}, top: {law: linear, k: 3}}",
         ),
         on("{role: rigid, u_y: 0, force: [0.1, 0]}", "{law: linear, k: 0.5}"),
     ],
@@ -207,7 +244,8 @@ def test_estimates_against_the_finest_of_nested_levels(text: str) -> None:
         assert 0.9 < found * size / error < 1.35
 
 
-# -- singular corners --------------------------------------------------------------------------------
+# -- singular corners
+# --------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +262,14 @@ def errors() -> dict[str, np.ndarray]:
     reference = adaptive[-1]
     return {
         name: np.array(
-            [(s.n_dof, np.hypot(distance(s, reference, singular), reference.estimate), s.estimate) for s in solved]
+            [
+                (
+                    s.n_dof,
+                    np.hypot(distance(s, reference, singular), reference.estimate),
+                    s.estimate,
+                )
+                for s in solved
+            ]
         )
         for name, solved in families.items()
     }

@@ -1,4 +1,5 @@
-"""The gallery's studies against the numbers that stand in them: closed forms, balances (sources in the studies)."""
+"""The gallery's studies against the numbers that stand in them: closed forms, balances (sources in
+the studies)."""
 
 import re
 from pathlib import Path
@@ -22,7 +23,9 @@ LAWS = {
 
 
 def run(name: str, target: Path, *changes: str) -> xr.DataTree:
-    tree = tcstudy.run(tcstudy.load(str(CONFIGS / f"{name}.yaml"), list(changes)), target / f"{name}.nc")
+    tree = tcstudy.run(
+        tcstudy.load(str(CONFIGS / f"{name}.yaml"), list(changes)), target / f"{name}.nc"
+    )
     assert np.all(tree["status"] == 1)
     return tree
 
@@ -31,50 +34,93 @@ def told(name: str, line: str) -> list[float]:
     """Numbers with three or more decimals in the line of a study's comment that has the text."""
     text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
     found = next(one for one in text.splitlines() if one.startswith("#") and line in one)
-    return [float(number) for number in re.findall(r"(?<![\d.])\d+\.\d{3,}(?![\d.])", found.replace(line, ""))]
+    return [
+        float(number)
+        for number in re.findall(r"(?<![\d.])\d+\.\d{3,}(?![\d.])", found.replace(line, ""))
+    ]
 
 
 @pytest.mark.parametrize(
     ("name", "line", "law", "bar_of", "strains", "scale"),
     [
-        ("welded_rail", "plastic      u =", [(0, 224250.33)], (210e9 * 0.172, 140), (2.4e-4, 4.8e-4, 7.2e-4), 1e3),
+        (
+            "welded_rail",
+            "plastic      u =",
+            [(0, 224250.33)],
+            (210e9 * 0.172, 140),
+            (2.4e-4, 4.8e-4, 7.2e-4),
+            1e3,
+        ),
         (
             *("welded_rail", "peaked       plastic", [(0, 448500.66), (2e-3, 224250.33)]),
             *((210e9 * 0.172, 140), (2.4e-4, 4.8e-4, 7.2e-4), 1e3),
         ),
-        ("die", "    u_end = alpha ΔT", [(0, 0), (1e-3, 2e9)], (84.5e6, 5e-3), (3.6e-4, 7.2e-4, 1.44e-3, 2.16e-3), 1e6),
-        ("die", "a = 3.07981, 1.97388 mm,", LAWS["brittle"], (84.5e6, 5e-3), (1.44e-3, 2.16e-3), 1e6),
+        (
+            "die",
+            "    u_end = alpha ΔT",
+            [(0, 0), (1e-3, 2e9)],
+            (84.5e6, 5e-3),
+            (3.6e-4, 7.2e-4, 1.44e-3, 2.16e-3),
+            1e6,
+        ),
+        (
+            "die",
+            "a = 3.07981, 1.97388 mm,",
+            LAWS["brittle"],
+            (84.5e6, 5e-3),
+            (1.44e-3, 2.16e-3),
+            1e6,
+        ),
         ("slab", "drag    u_end", LAWS["drag"], (6e9, 60), (1e-4, 3e-4), 1e3),
         ("slab", "bonded  35.4", LAWS["bonded"], (6e9, 60), (1e-4, 3e-4), 1e3),
     ],
 )
 def test_the_bar_has_the_numbers_that_the_studies_tell(
-    name: str, line: str, law: Law, bar_of: tuple[float, float], strains: tuple[float, ...], scale: float
+    name: str,
+    line: str,
+    law: Law,
+    bar_of: tuple[float, float],
+    strains: tuple[float, ...],
+    scale: float,
 ) -> None:
-    found = [scale * float(bar(law, *bar_of, strain, np.array([bar_of[1]]))[0]) for strain in strains]
+    found = [
+        scale * float(bar(law, *bar_of, strain, np.array([bar_of[1]]))[0]) for strain in strains
+    ]
     assert found == pytest.approx(told(name, line), rel=1e-6)
 
 
 def test_heat_of_the_bracket(tmp_path: Path) -> None:
-    """What the heater gives, 500 W/m, leaves through the 272.111 mm of cooled edge at every point of the sweep."""
-    tree = run("quickstart", tmp_path, "mesh.levels=2", "sweep.friction={tresca: {law: tresca, tau: 40 MPa}}", FIELDS)
+    """What the heater gives, 500 W/m, leaves through the 272.111 mm of cooled edge at every point
+    of the sweep."""
+    tree = run(
+        "quickstart",
+        tmp_path,
+        "mesh.levels=2",
+        "sweep.friction={tresca: {law: tresca, tau: 40 MPa}}",
+        FIELDS,
+    )
     data = tree["level_1"].dataset.isel(friction=0)
     triangles = data["triangle"].values
-    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    sides = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
+    )
     edges, count = np.unique(sides, axis=0, return_counts=True)
     x, y = (data[name].values[edges[count == 1]] for name in ("node_x", "node_y"))
     sides_of_air = (x - 0.2, y - 0.1, y - 0.1 + (x - 0.14) / 1.5)
     cooled = np.any([(np.abs(side) < 1e-9).all(axis=1) for side in sides_of_air], axis=0)
     lengths = np.hypot(*(np.diff(one[cooled], axis=1)[:, 0] for one in (x, y)))
     assert lengths.sum() == pytest.approx(0.14 + 0.06 + np.hypot(0.06, 0.04))
-    theta = data["theta"].values[..., edges[count == 1][cooled]].mean(axis=-1) @ lengths / lengths.sum()
+    theta = (
+        data["theta"].values[..., edges[count == 1][cooled]].mean(axis=-1) @ lengths / lengths.sum()
+    )
     alpha, theta_bar = data["alpha"].values[:, None], data["theta_bar"].values[None]
     assert theta == pytest.approx(theta_bar + 500.0 / (alpha * lengths.sum()), rel=1e-10)
     assert theta[1, 1] == pytest.approx(told("quickstart", "mean temperature")[-1], rel=1e-6)
 
 
 def test_breathing_end_of_a_welded_rail(tmp_path: Path) -> None:
-    """u_end = EA(αΔT)²/2r, ± u0/2 for ballast that is elastic first or has a peak; nothing is refused for rounding."""
+    """u_end = EA(αΔT)²/2r, ± u0/2 for ballast that is elastic first or has a peak; nothing is
+    refused for rounding."""
     data = run("welded_rail", tmp_path).to_dataset().isel(level=0)
     assert np.all(data["inclusion_residual"] <= 1e-10)
     assert np.all(data["inclusion_status"] == 1)
@@ -88,31 +134,42 @@ def test_breathing_end_of_a_welded_rail(tmp_path: Path) -> None:
     slides = 210e9 * 76.70e-4 * 1.2e-5 * np.array([20.0, 40.0, 60.0]) / 10e3
     assert data["slip_length"].sel(friction="plastic").values == pytest.approx(slides, abs=0.35)
     # the breathing length ends between two nodes 0.172 m apart
-    lengths = {name: data[f"{name}_length"] for name in ("breathing", "yielded", "elastic", "softening", "debonded")}
+    lengths = {
+        name: data[f"{name}_length"]
+        for name in ("breathing", "yielded", "elastic", "softening", "debonded")
+    }
     assert lengths["breathing"].sel(friction="plastic").values == pytest.approx(slides, abs=0.172)
     assert lengths["yielded"].sel(friction="plastic").values == pytest.approx(slides, abs=0.172)
     whole = lengths["yielded"] + lengths["elastic"]
     assert whole.sel(friction="en1991").values == pytest.approx(140.0, rel=1e-12)
     fallen = lengths["softening"] + lengths["debonded"]
-    assert fallen.sel(friction="peaked").values == pytest.approx(lengths["breathing"].sel(friction="peaked").values)
+    assert fallen.sel(friction="peaked").values == pytest.approx(
+        lengths["breathing"].sel(friction="peaked").values
+    )
     assert np.isnan(data["slip_length"].sel(friction="en1991")).all()
 
 
 def test_end_of_a_hot_pipeline(tmp_path: Path) -> None:
-    """Breakout and residual friction: slip length and end displacement, the first after a few cells of slip only."""
+    """Breakout and residual friction: slip length and end displacement, the first after a few cells
+    of slip only."""
     data = run("pipeline_end", tmp_path).to_dataset().isel(level=0)
     error = np.abs(data["u_T_max"].values / [0.0029227, 0.0801092, 0.8009829, 2.2427303] - 1.0)
     assert np.all(error <= [6e-3, 1e-4, 2e-5, 1e-5])
-    assert data["slip_length"].values == pytest.approx([98.686, 594.454, 2134.783, 3675.111], abs=9.0)
+    assert data["slip_length"].values == pytest.approx(
+        [98.686, 594.454, 2134.783, 3675.111], abs=9.0
+    )
 
 
 def test_coated_block(tmp_path: Path) -> None:
     ends = 1e3 * run("coated_block", tmp_path, "mesh.levels=1")["u_T_max"].isel(level=0).values
-    assert ends == pytest.approx([*told("coated_block", "zirconia"), *told("coated_block", "polymer")], rel=3e-3)
+    assert ends == pytest.approx(
+        [*told("coated_block", "zirconia"), *told("coated_block", "polymer")], rel=3e-3
+    )
 
 
 def test_slab(tmp_path: Path) -> None:
-    """Ends with one temperature over the height; with a warmer surface, the stress of the curling that is held back."""
+    """Ends with one temperature over the height; with a warmer surface, the stress of the curling
+    that is held back."""
     tree = run("slab", tmp_path, FIELDS)
     data = tree.to_dataset().isel(level=0)
     ends = [told("slab", "drag    u_end"), told("slab", "bonded  35.4")]
@@ -120,7 +177,9 @@ def test_slab(tmp_path: Path) -> None:
     for law, told_ends in enumerate(ends):
         assert slips[:2, law] == pytest.approx(told_ends, rel=2e-5)
         assert slips[2, law] == pytest.approx(told_ends[1], rel=4e-4)
-    coarse = 1e3 * run("slab", tmp_path / "coarse", "mesh.maxh=200 mm")["u_T_max"].isel(level=0).values
+    coarse = (
+        1e3 * run("slab", tmp_path / "coarse", "mesh.maxh=200 mm")["u_T_max"].isel(level=0).values
+    )
     for law, told_ends in enumerate(ends):  # what is left is the theory of bars, not the mesh
         assert coarse[:2, law] == pytest.approx(told_ends, rel=3e-5)
     level = tree["level_0"].dataset
@@ -132,7 +191,8 @@ def test_slab(tmp_path: Path) -> None:
 
 
 def test_die(tmp_path: Path) -> None:
-    """Suhir's compliance is nearer than the plain shear lag; where the attach breaks, the front's bar."""
+    """Suhir's compliance is nearer than the plain shear lag; where the attach breaks, the front's
+    bar."""
     data = run("die", tmp_path)["u_T_max"]
     plain, better = told("die", "    u_end = alpha ΔT"), told("die", "k'/k")
     for level in (0, 1):
@@ -149,7 +209,10 @@ def test_ring(tmp_path: Path) -> None:
     torque = -0.02 * data["friction_resultant"].values  # the hole's edge runs clockwise
     for law, name in enumerate(("held", "softening")):
         line = told("ring", "held  " if law == 0 else "softening   to")
-        exact = [2 * np.pi * 0.02**2 * ring_slip(LAWS[name], 1e6, 0.02, 0.04, u)[1] for u in (1e-3, 2e-3, 4e-3, 8e-3)]
+        exact = [
+            2 * np.pi * 0.02**2 * ring_slip(LAWS[name], 1e6, 0.02, 0.04, u)[1]
+            for u in (1e-3, 2e-3, 4e-3, 8e-3)
+        ]
         assert exact == pytest.approx(line, rel=1e-6)
         errors = np.abs(torque[:, law] / np.array(exact)[:, None] - 1.0)
         assert np.all(errors <= [8e-3, 2.2e-3, 6e-4])

@@ -1,9 +1,12 @@
-"""Goals on other scenes than test_estimators.py: effectivity between 0.5 and 3, and tolerances that hold.
+"""Goals on other scenes than test_estimators.py: effectivity between 0.5 and 3, and tolerances that
+hold.
 
-The factors of corners were made on the bracket, and film and block had been looked at; the other scenes had not.
+The factors of corners were made on the bracket, and film and block had been looked at; the other
+scenes had not.
 
-Left out of the bounds, by construction: levels 0 and 1, on which no tolerance of a goal is accepted, and the upper
-bound where the true error is small by accident (`at_crossing`; the estimate cannot know that, and must not follow it).
+Left out of the bounds, by construction: levels 0 and 1, on which no tolerance of a goal is
+accepted, and the upper bound where the true error is small by accident (`at_crossing`; the estimate
+cannot know that, and must not follow it).
 """
 
 import math
@@ -22,7 +25,8 @@ from tests.benchmarks.tolerances import judged
 from tests.verification import goal_scenes as scenes
 
 LOW, HIGH = 0.5, 4.5
-"""Bounds of estimated over true error; the upper one for meshes on which much of the body's parts cancels."""
+"""Bounds of estimated over true error; the upper one for meshes on which much of the body's parts
+cancels."""
 MOST, FEWER = 1000, 500
 """Unknowns beyond which no mesh is compared with closed forms, and with finer solutions."""
 
@@ -30,7 +34,9 @@ MOST, FEWER = 1000, 500
 def check(rows: list[scenes.Row], first: int = 2) -> None:
     """All levels from `first` on within the bounds; half of them much closer."""
     ratios = [row.effectivity for row in rows]
-    usual = [ratio for i, ratio in enumerate(ratios) if i >= first and not scenes.at_crossing(rows, i)]
+    usual = [
+        ratio for i, ratio in enumerate(ratios) if i >= first and not scenes.at_crossing(rows, i)
+    ]
     assert len(rows) >= first + 2
     assert min(ratios[first:]) >= LOW, ratios
     assert all(ratio <= HIGH for ratio in usual), ratios
@@ -42,7 +48,8 @@ FAMILIES: tuple[tuple[FamilyName, int], ...] = (("adaptive", 20), ("uniform", 4)
 
 
 def test_numbers_on_a_curved_contact_line_and_on_springs() -> None:
-    """Held nodes give their cells away, and chords are shorter than arcs: ∫ξ of the ring; u_T of the springs."""
+    """Held nodes give their cells away, and chords are shorter than arcs: ∫ξ of the ring; u_T of
+    the springs."""
     (ring, resultant, _), (springs, _) = scenes.ring_scene(), scenes.spring_scene()
     for study, goal, known in (
         (ring, scenes.RESULTANT, resultant),
@@ -59,16 +66,26 @@ SLIP = Goal("u_T", (1.4, 0.0))
 @pytest.mark.parametrize(
     ("text", "goal", "first"),
     [
-        (scenes.LAYERED, scenes.RESULTANT, 4),  # with under 45 unknowns the estimate is up to 11 times too large
+        (
+            scenes.LAYERED,
+            scenes.RESULTANT,
+            4,
+        ),  # with under 45 unknowns the estimate is up to 11 times too large
         (scenes.PRESSED, SLIP, 2),
     ],
 )
 def test_numbers_against_much_finer_solutions(text: str, goal: Goal, first: int) -> None:
-    check(scenes.table(scenes.scene_of(text), goal, scenes.fine_value(text, goal, 700), "adaptive", 20, FEWER), first)
+    check(
+        scenes.table(
+            scenes.scene_of(text), goal, scenes.fine_value(text, goal, 700), "adaptive", 20, FEWER
+        ),
+        first,
+    )
 
 
 def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
-    """All is smooth, so that what the parts are extrapolated to on uniform meshes comes to be the error itself."""
+    """All is smooth, so that what the parts are extrapolated to on uniform meshes comes to be the
+    error itself."""
     study, resultant = scenes.scene_of(scenes.GRADED), 2.4 / math.pi
     check(scenes.table(study, scenes.RESULTANT, resultant, "adaptive", 20, MOST))
     plan = MeshPlan(study.mesh.maxh, 4, goal=scenes.RESULTANT, estimate=True)
@@ -79,7 +96,9 @@ def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
         estimator.look((), scene, solve_contact(condensed.problem).v)
         found = estimator.estimates[()]
         ratios.append((found.limit - found.value) / (resultant - found.value))
-    assert all(abs(after - 1.0) < 0.6 * abs(before - 1.0) for before, after in pairwise(ratios)), ratios
+    assert all(abs(after - 1.0) < 0.6 * abs(before - 1.0) for before, after in pairwise(ratios)), (
+        ratios
+    )
     assert abs(ratios[-1] - 1.0) < 0.05, ratios
 
 
@@ -87,7 +106,9 @@ def test_a_film_that_is_weaker_from_somewhere_within_a_cell_on() -> None:
     """What half a cell may hide there covers the error, which is anything from nothing to that."""
     study = scenes.scene_of(scenes.PATCH)
     for goal in (scenes.RESULTANT, Goal("u_T", (1.4, 0.0))):
-        rows = scenes.table(study, goal, scenes.fine_value(scenes.PATCH_AT_NODE, goal, 700), "adaptive", 20, FEWER)
+        rows = scenes.table(
+            study, goal, scenes.fine_value(scenes.PATCH_AT_NODE, goal, 700), "adaptive", 20, FEWER
+        )
         assert min(row.effectivity for row in rows[1:]) > 1.0, rows
         assert rows[-1].estimate < 0.01
 
@@ -144,12 +165,15 @@ mesh: {maxh: 0.5, levels: 1}
 @pytest.mark.parametrize(
     ("study", "goal", "tolerance", "known", "most"),
     [
-        # u ~ r^0.3 at the re-entrant corner and the rest of the body move the front to opposite sides, so that halving
-        # all triangles barely moves it while it is still 3 % off; known: an adaptive mesh of 32,829 unknowns
+        # u ~ r^0.3 at the re-entrant corner and the rest of the body move the front to opposite
+        # sides, so that halving all triangles barely moves it while it is still 3 % off; known: an
+        # adaptive mesh of 32,829 unknowns
         (scenes.scene_of(CANCELS), scenes.SLIP_LENGTH, 1e-2, 40.5174, 4000),
-        # beside the clamp the film passes its whole fall within the first cell: ∫ξ is the same on all coarse meshes
+        # beside the clamp the film passes its whole fall within the first cell: ∫ξ is the same on
+        # all coarse meshes
         (scenes.scene_of(PLATEAU), scenes.RESULTANT, 1e-3, -0.0535319, 1000),
-        # Tresca, a held corner: the line slips as a whole until the cell beside it is 1/40 of the starting mesh's
+        # Tresca, a held corner: the line slips as a whole until the cell beside it is 1/40 of the
+        # starting mesh's
         (draw_scene(4002, 16).study, scenes.RESULTANT, 1e-3, 0.618826, 1000),
     ],
     ids=["front", "plateau", "zone"],
@@ -178,4 +202,6 @@ mesh: {{maxh: {0.5 * s}, levels: 1}}
         one = scenes.table(scenes.scene_of(scenes.FILM), goal, 1.0, "adaptive", 5)
         other = scenes.table(scenes.scene_of(scaled), goal, unit, "adaptive", 5)
         assert [row.n_dof for row in one] == [row.n_dof for row in other]
-        assert [row.estimate for row in one] == pytest.approx([row.estimate for row in other], rel=1e-9)
+        assert [row.estimate for row in one] == pytest.approx(
+            [row.estimate for row in other], rel=1e-9
+        )

@@ -1,4 +1,5 @@
-"""λ₁ of the body from both sides, against NGSolve at order 4 on meshes refined thrice, finer P1 meshes; its digits."""
+"""λ₁ of the body from both sides, against NGSolve at order 4 on meshes refined thrice, finer P1
+meshes; its digits."""
 
 from pathlib import Path
 
@@ -21,8 +22,17 @@ from tcstudy.scene.records import Scene
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 SUPPORTS = {
-    "left": ("clamped", "{role: clamped, u_x: 0}", "symmetry", "{role: traction, spring: {normal: K}}"),
-    "right": ("free", "{role: traction, spring: {normal: K, tangential: K}}", "{role: rigid, u_y: 0}"),
+    "left": (
+        "clamped",
+        "{role: clamped, u_x: 0}",
+        "symmetry",
+        "{role: traction, spring: {normal: K}}",
+    ),
+    "right": (
+        "free",
+        "{role: traction, spring: {normal: K, tangential: K}}",
+        "{role: rigid, u_y: 0}",
+    ),
     "top": ("free", "{role: traction, spring: {normal: K}}", "{role: rigid, moment: 0}", "clamped"),
 }
 
@@ -55,7 +65,9 @@ def reference(level: Level, scene: Scene, refined: int = 1) -> float:
     lam, mu = (ngs.GridFunction(ngs.L2(mesh, order=0)) for _ in range(2))
     lam.vec.FV().NumPy()[:], mu.vec.FV().NumPy()[:] = at
     eps = lambda w: ngs.Sym(ngs.Grad(w))  # noqa: E731
-    a = ngs.BilinearForm((lam * ngs.div(u) * ngs.div(v) + 2 * mu * ngs.InnerProduct(eps(u), eps(v))) * ngs.dx)
+    a = ngs.BilinearForm(
+        (lam * ngs.div(u) * ngs.div(v) + 2 * mu * ngs.InnerProduct(eps(u), eps(v))) * ngs.dx
+    )
     for name, k_n, k_t in scene.springs:
         push = k_n * (u * n) * (v * n) + k_t * (u * v - (u * n) * (v * n))
         a += push * ngs.ds(level.mesh.region(name))
@@ -78,9 +90,15 @@ def scene_of(seed: int) -> str:
     w, h = rng.uniform(1, 4) * size, rng.uniform(0.4, 1.5) * size
     x, y = w + rng.uniform(-0.3, 0.3) * size, h * rng.uniform(0.6, 1)
     roles = {name: str(rng.choice(some)) for name, some in SUPPORTS.items()}
-    if roles["right"].startswith("{role: rigid") and roles["top"].startswith(("{role: rigid", "clamped")):
+    if roles["right"].startswith("{role: rigid") and roles["top"].startswith(
+        ("{role: rigid", "clamped")
+    ):
         roles["top"] = "free"
-    if roles["top"] != "free" and roles["left"] in ("symmetry", "clamped") and "rigid" in roles["top"]:
+    if (
+        roles["top"] != "free"
+        and roles["left"] in ("symmetry", "clamped")
+        and "rigid" in roles["top"]
+    ):
         roles["left"] = SUPPORTS["left"][3]
     spring = repr(E * 10 ** rng.uniform(-2, 2) / size)
     edges = ", ".join(f"{name}: {role}" for name, role in roles.items()).replace("K", spring)
@@ -126,7 +144,9 @@ boundary: {bottom: contact, left: clamped, top: free, right: free}
 """
     rest = RECTANGLE[RECTANGLE.index("material") :]
     other = bands(turned + rest)[2][2]
-    assert (other.low, other.hat, other.high) == pytest.approx((found[2].low, found[2].hat, found[2].high), rel=2e-3)
+    assert (other.low, other.hat, other.high) == pytest.approx(
+        (found[2].low, found[2].hat, found[2].high), rel=2e-3
+    )
 
 
 def test_a_shape_has_the_constant_that_was_found() -> None:
@@ -154,9 +174,13 @@ sweep: {material.nu: [0.3, 0.4999999], friction.delta: [0.065, 0.15], material.E
 
 
 def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
-    """At ν → ½ the mesh certifies one solution for ω = 0.77, above λ₁ = 0.4926 of the body; in blocks and alone."""
+    """At ν → ½ the mesh certifies one solution for ω = 0.77, above λ₁ = 0.4926 of the body; in
+    blocks and alone."""
     found = []
-    for name in ("separable-newton", "{name: [separable-newton, bundle-newton], max_iterations: 1}"):
+    for name in (
+        "separable-newton",
+        "{name: [separable-newton, bundle-newton], max_iterations: 1}",
+    ):
         (tmp_path / "s.yaml").write_text(STABILITY + f"solver: {name}\n")
         tree = tcstudy.run(tmp_path / "s.yaml", tmp_path / f"{len(found)}.nc")
         found.append(tree.to_dataset().load())
@@ -164,7 +188,9 @@ def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
     data, other = found
     for name in ("lambda_1_low", "lambda_1_high", "lambda_1_dual", "proved_unique"):
         np.testing.assert_allclose(data[name], other[name], rtol=1e-12)
-    np.testing.assert_allclose(data["error_bound_relative"], other["error_bound_relative"], rtol=1e-7)
+    np.testing.assert_allclose(
+        data["error_bound_relative"], other["error_bound_relative"], rtol=1e-7
+    )
     assert np.all(data["lambda_1_low"] <= data["lambda_1_dual"] * (1 + 1e-9))
     at = data.sel(level=1)
     stiff = at["lambda_1_low"] / at["E"]
@@ -179,7 +205,8 @@ def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
 
 
 def test_converges_to_the_published_value() -> None:
-    """0.4162, 0.4143, 0.4136, 0.4134 for h = 0.1 … 0.0125 on the 2×1 rectangle clamped at the left (E = 1, ν = 0.3)."""
+    """0.4162, 0.4143, 0.4136, 0.4134 for h = 0.1 … 0.0125 on the 2×1 rectangle clamped at the left
+    (E = 1, ν = 0.3)."""
     study = study_of(RECTANGLE, "mesh.levels=4")
     values = np.array([level.lambda_1(study.scenes[0]) for level in levels_of(study)])
     assert np.all(np.diff(values) < 0)
@@ -199,7 +226,8 @@ mesh: {maxh: 0.3}
 
 
 def test_stiff_springs_cost_no_more_digits_than_is_said() -> None:
-    """Springs across slanted edges: beyond 1e8 λ₁ changes by less than 1e-7, all else is rounding."""
+    """Springs across slanted edges: beyond 1e8 λ₁ changes by less than 1e-7, all else is
+    rounding."""
     found = {}
     for k in (1e8, 1e10, 1e11, 1e12, 1e13):
         springs = (f"boundary.{edge}.spring.normal={k!r}" for edge in ("left", "right"))
@@ -215,7 +243,8 @@ def test_stiff_springs_cost_no_more_digits_than_is_said() -> None:
 
 
 def test_proofs_do_not_lean_on_lost_digits() -> None:
-    """One node, λ₁ = 1: a film that falls by 0.99 is proved unique only where λ₁ is known to 1 %."""
+    """One node, λ₁ = 1: a film that falls by 0.99 is proved unique only where λ₁ is known to 1
+    %."""
     law, load = slip_weakening(1.0, 0.01, 1.0), np.array([1.005])
     for error, unique in ((0.0, True), (1e-3, True), (0.02, False)):
         problem = ContactProblem(np.array([[1.0]]), load, np.ones(1), law, error)
@@ -229,7 +258,8 @@ def test_proofs_do_not_lean_on_lost_digits() -> None:
 
 
 def test_eigenpair_of_a_stiffness_with_contrast() -> None:
-    """Ã = Q diag(1, 1e13, …) Qᵀ with its digits: the residual tells what the eigenvalue solver loses."""
+    """Ã = Q diag(1, 1e13, …) Qᵀ with its digits: the residual tells what the eigenvalue solver
+    loses."""
     Q = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 6)))[0]
     A = (Q * 10.0 ** np.array([0, 13, 13, 12, 12, 13])) @ Q.T
     A = 0.5 * (A + A.T)

@@ -1,4 +1,5 @@
-"""Load histories against closed forms: those in the heads of the gallery's studies, and bars on films that remember."""
+"""Load histories against closed forms: those in the heads of the gallery's studies, and bars on
+films that remember."""
 
 from pathlib import Path
 
@@ -25,10 +26,15 @@ def followed(folder: Path, name: str, *overrides: str) -> tuple[xr.Dataset, str]
 
 
 def test_rail_through_a_year(tmp_path: Path) -> None:
-    """Half of the summer's way stays, the winter mirrors the summer; the second year dissipates what the first did."""
+    """Half of the summer's way stays, the winter mirrors the summer; the second year dissipates
+    what the first did."""
     data, said = followed(tmp_path, "rail_year.yaml", "mesh.maxh=344 mm")
     names, year = data["step_name"].values, data["cycle"].values
-    ends = {name: 1e3 * data["u_T"].values[(names == name) & (year == 1), -1][0] for name in names[year == 1] if name}
+    ends = {
+        name: 1e3 * data["u_T"].values[(names == name) & (year == 1), -1][0]
+        for name in names[year == 1]
+        if name
+    }
     expected = {"summer": 18.555264, "autumn": 9.277632, "winter": -18.555264, "spring": -9.277632}
     for name, end in expected.items():
         assert ends[name] == pytest.approx(end, rel=2e-4), name
@@ -40,7 +46,9 @@ def test_rail_through_a_year(tmp_path: Path) -> None:
     autumn = int(np.flatnonzero(names == "autumn")[0])
     tension = np.abs(np.cumsum((data["xi"].values[autumn] * data["c"].values)[::-1])).max() * a_rail
     assert tension == pytest.approx(386.568e3, rel=0.03)  # half a cell of 38.66 m
-    assert "a closed loop: the last cycle leaves no slip behind; it dissipates 42" in said  # more than the virgin one
+    assert (
+        "a closed loop: the last cycle leaves no slip behind; it dissipates 42" in said
+    )  # more than the virgin one
 
 
 def test_pipeline_walks_start_up_by_start_up(tmp_path: Path) -> None:
@@ -55,11 +63,17 @@ def test_pipeline_walks_start_up_by_start_up(tmp_path: Path) -> None:
 
 
 def test_strip_pulled_let_go_and_pulled_again(tmp_path: Path) -> None:
-    """Force and dissipation at every named step; unloading is straight to the origin, and costs nothing."""
+    """Force and dissipation at every named step; unloading is straight to the origin, and costs
+    nothing."""
     data, _ = followed(tmp_path, "cyclic_pull.yaml", "mesh.maxh=2 mm")
     names = data["step_name"].values
     force = {str(n): 1e-3 * float(data["friction_resultant"][i]) for i, n in enumerate(names) if n}
-    expected = {"pulled": 220.59121, "pushed": -110.29560, "pulled again": 220.59121, "let go": 40.107492}
+    expected = {
+        "pulled": 220.59121,
+        "pushed": -110.29560,
+        "pulled again": 220.59121,
+        "let go": 40.107492,
+    }
     for name, value in expected.items():
         assert force[name] == pytest.approx(value, rel=6e-4), name
     spent = data["dissipated"].values
@@ -79,8 +93,8 @@ def closed(folder: Path, text: str) -> xr.Dataset:
 
 
 def test_a_film_as_steep_as_the_block_is_stiff(tmp_path: Path) -> None:
-    """ω = λ₁ in uniform shear: at U = 0.5 m every slip from 0 to 0.4 m is in balance; the block goes on from 0.4 m,
-    nothing is released."""
+    """ω = λ₁ in uniform shear: at U = 0.5 m every slip from 0 to 0.4 m is in balance; the block
+    goes on from 0.4 m, nothing is released."""
     steps = ", ".join(f"{{boundary.top.u_x: {way} m}}" for way in (0.8, 1.2, 0.8, -0.2))
     text = f"""
 body: {{rectangle: {{width: 1.3 m, height: 1 m}}}}
@@ -111,7 +125,8 @@ BILINEAR = "{law: bilinear, tau: 7.2 MPa, s0: 0.02 mm, sf: 0.16 mm}"
 
 
 def energy(s: Array) -> Array:
-    """T = ∫ b of the bilinear law, so that a long bond has P² = 2 D T(Δ) as it is first pulled [J/m²]."""
+    """T = ∫ b of the bilinear law, so that a long bond has P² = 2 D T(Δ) as it is first pulled
+    [J/m²]."""
     falls = np.clip(s, S_0, S_F) - S_0
     return TAU * (0.5 * np.minimum(s, S_0) ** 2 / S_0 + falls - 0.5 * falls**2 / (S_F - S_0))
 
@@ -122,11 +137,14 @@ def spent(s: Array) -> Array:
 
 
 def test_a_long_bond_of_a_bilinear_law_is_torn_from_its_end(tmp_path: Path) -> None:
-    """The front moves by D/P_max a slip of the end; the way back is straight to the origin and costs nothing."""
+    """The front moves by D/P_max a slip of the end; the way back is straight to the origin and
+    costs nothing."""
     ways = np.array([0.01, 0.5, 0.2, -0.3])
     steps = ", ".join(f"{{boundary.grip.u_x: {way} mm}}" for way in ways)
     grip = "grip: {role: clamped, u_x: 0 mm, u_y: free}"
-    scene = STRIP.format(joint="", end="190 mm", edges=grip, friction=BILINEAR, memory="damage", steps=steps)
+    scene = STRIP.format(
+        joint="", end="190 mm", edges=grip, friction=BILINEAR, memory="damage", steps=steps
+    )
     data, P = closed(tmp_path, scene), np.sqrt(2.0 * D * energy(np.array(S_F)))
     assert data["friction_resultant"].values[2:] == pytest.approx(ways[1:] / ways[1] * P, rel=5e-4)
     s = np.linspace(S_0, S_F, 20_001)
@@ -134,19 +152,24 @@ def test_a_long_bond_of_a_bilinear_law_is_torn_from_its_end(tmp_path: Path) -> N
     length = (0.5e-3 - S_F) * D / P
     lost = np.cumsum(data["dissipated"].values)[1:]
     assert lost == pytest.approx([0.0, *[zone + energy(np.array(S_F)) * length] * 3], rel=1e-3)
-    assert data["debonded_from"].values[1:] == pytest.approx([np.nan, *[0.19 - length] * 3], rel=5e-4, nan_ok=True)
+    assert data["debonded_from"].values[1:] == pytest.approx(
+        [np.nan, *[0.19 - length] * 3], rel=5e-4, nan_ok=True
+    )
     assert data["debonded_to"].values[-1] == pytest.approx(0.19)
     kappa = data["kappa"].values[-1]
     lost = data["dissipation"].values.sum(axis=0)  # of every node
-    assert lost == pytest.approx(np.where(kappa > S_0, spent(kappa), 0.0), abs=1e-12 * energy(np.array(S_F)))
+    assert lost == pytest.approx(
+        np.where(kappa > S_0, spent(kappa), 0.0), abs=1e-12 * energy(np.array(S_F))
+    )
     assert lost @ data["c"].values == pytest.approx(data["dissipated"].values.sum(), rel=1e-13)
 
 
 def test_a_bond_that_damages_beside_a_joint_that_slides(tmp_path: Path) -> None:
-    """Pulled by P, then by P': the joint of length l turns all its friction r, the bond behind it goes back straight.
+    """Pulled by P, then by P': the joint of length l turns all its friction r, the bond behind it
+    goes back straight.
 
-    P_b = P − r l pulls the bond to Δ, P'_b = P' + r l leaves Δ P'_b/P_b; the joint adds ∫ N/D. The node between them
-    has the memory of one for the law of both: an error of first order.
+    P_b = P − r l pulls the bond to Δ, P'_b = P' + r l leaves Δ P'_b/P_b; the joint adds ∫ N/D. The
+    node between them has the memory of one for the law of both: an error of first order.
     """
     own, r, P = 60e-3, 1e6, np.array([200e3, 40e3])
     on_bond, s = P + np.array([-r * own, r * own]), np.linspace(0.0, S_F, 200_001)
@@ -163,4 +186,7 @@ def test_a_bond_that_damages_beside_a_joint_that_slides(tmp_path: Path) -> None:
     data = closed(tmp_path, scene)
     assert data["friction_resultant"].values[1:] == pytest.approx(P, rel=5e-3)
     found = [np.interp(0.19, data["arclength"].values, u) for u in data["u_T"].values[1:]]
-    assert (found, data.attrs["memory"]) == (pytest.approx(ends, rel=1e-2), "bond: damage, joint: friction")
+    assert (found, data.attrs["memory"]) == (
+        pytest.approx(ends, rel=1e-2),
+        "bond: damage, joint: friction",
+    )

@@ -1,4 +1,5 @@
-"""Multivalued patch test: every solution in closed form is reproduced to rounding on unstructured, turned meshes."""
+"""Multivalued patch test: every solution in closed form is reproduced to rounding on unstructured,
+turned meshes."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from tests.verification.scenes import levels_of
 
 
 @pytest.mark.parametrize(("maxh", "degrees"), [(0.6, 0.0), (0.17, 37.0)])
-@pytest.mark.parametrize("case", CASES, ids=lambda c: f"{'soft' if c.law == SOFTENING else 'drop'}-U{c.U}")
+@pytest.mark.parametrize(
+    "case", CASES, ids=lambda c: f"{'soft' if c.law == SOFTENING else 'drop'}-U{c.U}"
+)
 def test_every_solution_satisfies_the_inclusion(case: Case, maxh: float, degrees: float) -> None:
     """All are solutions, nothing between them is, and both solvers find one."""
     study = patch_study(case, maxh, degrees)
@@ -36,7 +39,8 @@ def test_every_solution_satisfies_the_inclusion(case: Case, maxh: float, degrees
 
 
 def test_the_unstable_solution_is_reached_from_nearby() -> None:
-    """s = 0.2 is a maximum along uniform slip: minimisers avoid it, Newton on the active pieces does not."""
+    """s = 0.2 is a maximum along uniform slip: minimisers avoid it, Newton on the active pieces
+    does not."""
     case = Case(SOFTENING, 0.8, (0.0, 0.2, 0.6))
     study = patch_study(case, 0.35)
     problem = levels_of(study)[0].condensed(study.scenes[0]).problem
@@ -44,4 +48,6 @@ def test_the_unstable_solution_is_reached_from_nearby() -> None:
     assert end.residual < 1e-12
     assert np.max(np.abs(end.v - 0.2)) < 1e-12
     energies = [exact_energy(case, study, s) / 1.3 for s in case.slips]
-    assert energies == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)  # the published figures of the unit block
+    assert energies == pytest.approx(
+        [0.32, 0.34, 0.30], abs=1e-15
+    )  # the published figures of the unit block

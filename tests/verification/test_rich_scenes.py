@@ -1,9 +1,11 @@
-"""Whole scenes drawn at random, all features at once, against the monolithic scipy solution of every point of a sweep.
+"""Whole scenes drawn at random, all features at once, against the monolithic scipy solution of
+every point of a sweep.
 
-Slanted and turned polygons from millimetres to a kilometre with a hole and a region of another material; tractions,
-pressures, also in the hole, resultants, springs, rigid and symmetry edges, given displacements; heat by edge and in the
-region; laws by edge with strengths; numbers by name. A sweep changes several of them at once, so that factors, modes
-and basis loads are shared or made anew.
+Slanted and turned polygons from millimetres to a kilometre with a hole and a region of another
+material; tractions, pressures, also in the hole, resultants, springs, rigid and symmetry edges,
+given displacements; heat by edge and in the region; laws by edge with strengths; numbers by name. A
+sweep changes several of them at once, so that factors, modes and basis loads are shared or made
+anew.
 """
 
 import json
@@ -48,11 +50,19 @@ def drawn(seed: int) -> tuple[Data, list[Data]]:
     E, strain, kelvin, k = d.about(1e10, 100.0), d.about(1e-3), d.about(30.0), d.about(20.0)
     angle = np.linspace(0, 2 * np.pi, 5, endpoint=False) + d.r.uniform(-0.2, 0.2, 5)
     radius = L * d.r.uniform(0.8, 1.0, 5)
-    corners = [[float(f"{c:.6g}") for c in (r * np.cos(a), r * np.sin(a))] for r, a in zip(radius, angle, strict=True)]
+    corners = [
+        [float(f"{c:.6g}") for c in (r * np.cos(a), r * np.sin(a))]
+        for r, a in zip(radius, angle, strict=True)
+    ]
     stress, u = E * strain, L * strain
 
     def material() -> Data:
-        return {"E": d.about(E), "nu": d.about(0.2, 2.0), "alpha_T": d.near(strain / kelvin), "k": d.about(k)}
+        return {
+            "E": d.about(E),
+            "nu": d.about(0.2, 2.0),
+            "alpha_T": d.near(strain / kelvin),
+            "k": d.about(k),
+        }
 
     def law() -> Data:
         tau, delta = d.about(0.3 * stress), d.about(0.3 * u)
@@ -87,10 +97,18 @@ def drawn(seed: int) -> tuple[Data, list[Data]]:
         "heat": {"alpha": d.about(k / L), "theta_bar": d.field(kelvin, L), **source},
         "friction": {"e0": law(), "e4": law()},
     }  # fmt: skip
-    numbers = {"core.E": d.about(E), "material.E": d.about(E), "core.k": d.about(k), "heat.alpha": d.about(k / L, 30.0),
-               "material.alpha_T": d.near(strain / kelvin), "boundary.e3.flux": d.near(k * kelvin / L),
-               "boundary.e1.spring.normal": d.about(E / L), "boundary.hole.pressure": d.near(stress),
-               "friction.e0.strength": d.about(1.0), "boundary.e3.force": [d.near(stress * L), 0.0]}  # fmt: skip
+    numbers = {
+        "core.E": d.about(E),
+        "material.E": d.about(E),
+        "core.k": d.about(k),
+        "heat.alpha": d.about(k / L, 30.0),
+        "material.alpha_T": d.near(strain / kelvin),
+        "boundary.e3.flux": d.near(k * kelvin / L),
+        "boundary.e1.spring.normal": d.about(E / L),
+        "boundary.hole.pressure": d.near(stress),
+        "friction.e0.strength": d.about(1.0),
+        "boundary.e3.force": [d.near(stress * L), 0.0],
+    }
     some = d.r.permutation(list(numbers))[:4].tolist()
     return scene, [{}, {key: numbers[key] for key in some[:2]}, {key: numbers[key] for key in some}]
 
@@ -137,17 +155,27 @@ def written(scene: Data, points: list[Data]) -> str:
 def test_every_point_is_that_of_the_monolithic_system(tmp_path: Path, seed: int) -> None:
     scene, points = drawn(seed)
     tcstudy.run(read_study_text(written(scene, points)), tmp_path / "a.nc")
-    with xr.open_dataset(tmp_path / "a.nc") as root, xr.open_dataset(tmp_path / "a.nc", group="level_0") as mesh:
+    with (
+        xr.open_dataset(tmp_path / "a.nc") as root,
+        xr.open_dataset(tmp_path / "a.nc", group="level_0") as mesh,
+    ):
         assert np.all(root["status"].values == 1), root["reason"].values
-        xy, at = (np.column_stack([mesh[name] for name in names]) for names in (("node_x", "node_y"), ("x", "y")))
+        xy, at = (
+            np.column_stack([mesh[name] for name in names])
+            for names in (("node_x", "node_y"), ("x", "y"))
+        )
         numbers = [int(np.argmin(np.hypot(*(xy - p).T))) for p in at]
         for i, values in enumerate(points):
-            whole = Whole(put(scene, values), xy, mesh["triangle"].values, mesh["region"].values == 1)
+            whole = Whole(
+                put(scene, values), xy, mesh["triangle"].values, mesh["region"].values == 1
+            )
             u_T = mesh["u_T"].values[i]
             u, force, xi, defect = whole.solve(dict(zip(numbers, u_T, strict=True)))
             size = np.max(np.abs(u))
             order = [whole.contact()[0].tolist().index(n) for n in numbers]
-            assert np.max(np.abs(mesh["theta"].values[i] - whole.theta)) < 1e-11 * np.max(np.abs(whole.theta))
+            assert np.max(np.abs(mesh["theta"].values[i] - whole.theta)) < 1e-11 * np.max(
+                np.abs(whole.theta)
+            )
             found = np.column_stack([mesh["u_x"].values[i], mesh["u_y"].values[i]])
             assert np.max(np.abs(found - u)) < 1e-10 * size
             assert np.max(defect) < 1e-9
@@ -156,7 +184,17 @@ def test_every_point_is_that_of_the_monolithic_system(tmp_path: Path, seed: int)
             scale, warmest = np.abs(force).sum(), np.max(np.abs(whole.theta))
             for name in whole.scene["boundary"]:
                 on = whole.edge == name
-                mean = whole.length[on] @ whole.theta[whole.sides[on]].mean(axis=1) / whole.length[on].sum()
-                assert root[f"theta_mean_{name}"].values[i, 0] == pytest.approx(mean, abs=1e-10 * warmest)
-            total = sum(root[name].values[i, 0] for name in root.data_vars if str(name).startswith("reaction"))
+                mean = (
+                    whole.length[on]
+                    @ whole.theta[whole.sides[on]].mean(axis=1)
+                    / whole.length[on].sum()
+                )
+                assert root[f"theta_mean_{name}"].values[i, 0] == pytest.approx(
+                    mean, abs=1e-10 * warmest
+                )
+            total = sum(
+                root[name].values[i, 0]
+                for name in root.data_vars
+                if str(name).startswith("reaction")
+            )
             assert total == pytest.approx(force.sum(), abs=1e-9 * scale)

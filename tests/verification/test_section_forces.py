@@ -1,4 +1,5 @@
-"""Thin strips in closed form: forces of sections, layers of two materials; forces and energy of any body."""
+"""Thin strips in closed form: forces of sections, layers of two materials; forces and energy of any
+body."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -32,47 +33,65 @@ E, H, L, P = 70e9, 1e-3, 0.1, 1e5
 def levels(friction: str, folder: Path, *overrides: str) -> tuple[xr.Dataset, list[xr.Dataset]]:
     (folder / "strip.yaml").write_text(STRIP.replace("FRICTION", friction), encoding="utf-8")
     tree = tcstudy.run(tcstudy.load(folder / "strip.yaml", overrides), folder / "strip.nc")
-    return tree.to_dataset(), [tree[f"level_{i}"].to_dataset() for i in range(tree.to_dataset().sizes["level"])]
+    return tree.to_dataset(), [
+        tree[f"level_{i}"].to_dataset() for i in range(tree.to_dataset().sizes["level"])
+    ]
 
 
 def test_shear_lag_of_a_lap_joint(tmp_path: Path) -> None:
-    """Volkersen: N = P cosh λx/cosh λL, λ² = k/EH, of second order; the strip's own shear adds H/3G to 1/k."""
+    """Volkersen: N = P cosh λx/cosh λL, λ² = k/EH, of second order; the strip's own shear adds H/3G
+    to 1/k."""
     data, lines = levels("{law: linear, k: 200 GPa/m}", tmp_path)
     slope = np.sqrt(1.0 / (1.0 / 200e9 + H / (1.5 * E)) / (E * H))
     exact = [P * np.cosh(slope * one["arclength"]) / np.cosh(slope * L) for one in lines]
-    errors = [float(np.abs(one["section_force"] - N).max()) / P for one, N in zip(lines, exact, strict=True)]
+    errors = [
+        float(np.abs(one["section_force"] - N).max()) / P
+        for one, N in zip(lines, exact, strict=True)
+    ]
     assert errors[-1] < 1e-4
     assert errors[0] / errors[1] > 3.5
     assert data["section_force_max"].values == pytest.approx(np.full(3, P), rel=1e-12)
     assert data["section_force_at"].values == pytest.approx(np.full(3, L))
     sums = data["force_left_x"] + data["force_right_x"] + data["force_bottom_x"]
     assert np.abs(sums).max() < 1e-9 * P
-    # what the load does at its end over 2 is the energy of strip and bond; ξ does −2 times that of the bond
+    # what the load does at its end over 2 is the energy of strip and bond; ξ does −2 times that of
+    # the bond
     assert data["work_right"].values == pytest.approx(-2.0 * data["energy"].values, rel=1e-9)
 
 
 def test_layers_share_the_force_by_their_stiffness(tmp_path: Path) -> None:
-    """A bar of two layers of one ν that yields along its bond: N of both sum to that of the body, E_k H_k/ΣEH each."""
-    text = STRIP.replace("height: 1 mm}", "height: 1 mm}, regions: {coat: {rectangle: {corner: [0 mm, 0.5 mm], "
-                         "width: 100 mm, height: 0.5 mm}}, foil: {rectangle: {corner: [0 mm, 0 mm], width: 100 mm, "
-                         "height: 0.5 mm}}}").replace("friction: FRICTION", "materials: {coat: {E: 210 GPa, nu: 0}, "
-                         "foil: {E: 70 GPa, nu: 0}}\nfriction: {law: tresca, tau: 2 MPa}")  # fmt: skip
+    """A bar of two layers of one ν that yields along its bond: N of both sum to that of the body,
+    E_k H_k/ΣEH each."""
+    text = STRIP.replace(
+        "height: 1 mm}",
+        "height: 1 mm}, regions: {coat: {rectangle: {corner: [0 mm, 0.5 mm], "
+        "width: 100 mm, height: 0.5 mm}}, foil: {rectangle: {corner: [0 mm, 0 mm], width: 100 mm, "
+        "height: 0.5 mm}}}",
+    ).replace(
+        "friction: FRICTION",
+        "materials: {coat: {E: 210 GPa, nu: 0}, "
+        "foil: {E: 70 GPa, nu: 0}}\nfriction: {law: tresca, tau: 2 MPa}",
+    )
     text = text.replace("maxh: 4 mm, levels: 3", "maxh: 1 mm, levels: 2")
     (tmp_path / "layers.yaml").write_text(text, encoding="utf-8")
     tree = tcstudy.run(tmp_path / "layers.yaml", tmp_path / "layers.nc")
     for level, most in ((0, 1e-5), (1, 4e-6)):
         line = tree[f"level_{level}"].to_dataset()
-        N, coat, foil = (line[name].values for name in ("section_force", "layer_force_coat", "layer_force_foil"))
+        N, coat, foil = (
+            line[name].values for name in ("section_force", "layer_force_coat", "layer_force_foil")
+        )
         assert np.abs(coat + foil - N).max() < 1e-9 * P
         inner = (line["arclength"].values > 0.6 * L) & (line["arclength"].values < 0.9 * L)
         assert np.abs(coat - 0.75 * N)[inner].max() < most * P
 
 
 def test_bimetal_strip() -> None:
-    """Timoshenko 1925, eq. (4): 1/ρ = 6 (α₂ − α₁) ΔT (1 + m)² / (h (3 (1 + m)² + (1 + mn)(m² + 1/(mn)))).
+    """Timoshenko 1925, eq. (4): 1/ρ = 6 (α₂ − α₁) ΔT (1 + m)² / (h (3 (1 + m)² + (1 + mn)(m² +
+    1/(mn)))).
 
-    J. Opt. Soc. Am. 11, 233. m = t₁/t₂, n = E₁/E₂. In plane stress it is exact away from the ends; the strip is half of
-    one, its middle (left) rolls without friction and is held by one short edge.
+    J. Opt. Soc. Am. 11, 233. m = t₁/t₂, n = E₁/E₂. In plane stress it is exact away from the ends;
+    the strip is half of one, its middle (left) rolls without friction and is held by one short
+    edge.
     """
     t_1, t_2, E_1, E_2, difference = 0.6, 0.4, 210.0, 100.0, 7e-6 * 50.0
     text = """
@@ -93,7 +112,9 @@ friction: {law: linear, k: 0}
 mesh: {maxh: 0.2, levels: 3}
 """
     m, n = t_1 / t_2, E_1 / E_2
-    expected = 6 * difference * (1 + m) ** 2 / (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n)))
+    expected = (
+        6 * difference * (1 + m) ** 2 / (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n)))
+    )
     errors = []
     for level in levels_of(study := study_of(text)):
         condensed = level.condensed(study.scenes[0])
@@ -108,7 +129,8 @@ mesh: {maxh: 0.2, levels: 3}
 
 
 def test_forces_of_edges_balance_on_any_body() -> None:
-    """With heat, springs, a hole, traction and weight all forces add up to 0; a line that bends has no section."""
+    """With heat, springs, a hole, traction and weight all forces add up to 0; a line that bends has
+    no section."""
     study = study_of(HEATED_BRACKET, "boundary.right.spring={normal: 0.7, tangential: 0.2}")
     level, scene = levels_of(study)[-1], study.scenes[0]
     v = solve_contact(level.condensed(scene).problem).v
@@ -121,7 +143,9 @@ def test_forces_of_edges_balance_on_any_body() -> None:
 
 
 def test_a_line_that_bends_is_told_before_the_work() -> None:
-    with pytest.raises(StudyError, match=r"quantities: section_force: the contact line is not straight"):
+    with pytest.raises(
+        StudyError, match=r"quantities: section_force: the contact line is not straight"
+    ):
         study_of(HEATED_BRACKET, "output.quantities=section_force")
 
 

@@ -1,14 +1,17 @@
-"""The memories of a contact line: from the state of every node to the law of its next step, and a step's energies.
+"""The memories of a contact line: from the state of every node to the law of its next step, and a
+step's energies.
 
-Each law is the derivative of min over the new internal variable of stored + dissipated energy: one step of backward
-Euler is one contact problem (`Memory` in scene/histories.py has the laws). With w = v − a, a the last or the
-plastic slip, and the load l̃ − Ãa, friction without softening is one law at all steps, and w has more digits than v.
+Each law is the derivative of min over the new internal variable of stored + dissipated energy: one
+step of backward Euler is one contact problem (`Memory` in scene/histories.py has the laws). With w
+= v − a, a the last or the plastic slip, and the load l̃ − Ãa, friction without softening is one law
+at all steps, and w has more digits than v.
 
 friction:        j = T(κ + |w|) − T(κ), T = ∫τ; nothing is stored
 elastic-plastic: j = ½ k (|w| − Δp)² + T(κ + Δp) − T(κ) with k (|w| − Δp) = τ(κ + Δp) or Δp = 0; where τ has the slope
                  q the law rises or falls by k q/(k + q)
 damage:          j = ½ τ(κ) s²/κ, beyond κ ½ τ(κ) κ + T(|s|) − T(κ); dissipated R = T(κ) − ½ τ(κ) κ. Where the law
-                 rises straight from 0 nothing is damaged: κ counts from the end of that elastic branch on
+                 rises straight from 0 nothing is damaged: κ counts from the end of that elastic
+                 branch on
 Literature: scene/histories.py; energies: Freddi & Riva, Math. Eng. 7 (2025) 406.
 
 Step n:     0 ∈ Ãvⁿ − l̃ⁿ + ∂Σ c_i j_iⁿ(v_i), ξⁿ = l̃ⁿ − Ãvⁿ, ξ_iⁿ/c_i ∈ b̂_iⁿ(v_iⁿ), the laws as above
@@ -28,7 +31,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.certificates import certify, far, least_slopes, positive_definite, strict_minimum
+from tcstudy.contact.certificates import (
+    certify,
+    far,
+    least_slopes,
+    positive_definite,
+    strict_minimum,
+)
 from tcstudy.contact.path.problem import ScaledBody
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Status, kept, least_lowered
 from tcstudy.contact.solve import Answer
@@ -40,13 +49,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Tail = tuple[Index, Array, Array]
-"""(count, starts, pieces) of τ beyond a slip: (n,) pieces of each node, (n, P) slips at which they begin [m], and (5 or
-7, n, P) their s_0, b_0, q, a, r, a_2, r_2; rows are filled with their last piece."""
+"""(count, starts, pieces) of τ beyond a slip: (n,) pieces of each node, (n, P) slips at which they
+begin [m], and (5 or 7, n, P) their s_0, b_0, q, a, r, a_2, r_2; rows are filled with their last
+piece."""
 
 NARROW = 64 * float(np.finfo(float).eps)
 """A node nearer than this to the next kink of its law, relative to its κ, has reached it."""
 LAW_ERROR, FADED = 1e-4, 1e3
-"""Of the straight pieces in the place of exponential ones; and decay lengths after which nothing is left of one."""
+"""Of the straight pieces in the place of exponential ones; and decay lengths after which nothing is
+left of one."""
 UNTOUCHED = 1e-12
 """Slips below this part of the law's scale damage nothing."""
 MIRROR = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0])[:, None, None]
@@ -112,7 +123,8 @@ class MemoryModel:
 
     @cached_property
     def elastic(self) -> Array:
-        """(m,) end of the branch on which the law rises straight from 0, which damages nothing; 0 without one [m]."""
+        """(m,) end of the branch on which the law rises straight from 0, which damages nothing; 0
+        without one [m]."""
         first = self._own.piece(np.zeros(self.m))
         s_0, b_0, q, *decays = self._own.numbers(first)
         end = self._own.upper.take(first)
@@ -121,9 +133,12 @@ class MemoryModel:
 
     @cached_property
     def unchanged(self) -> bool:
-        """True if the law in w = v − a is the scene's own at every step: nothing softens, or nothing is remembered."""
+        """True if the law in w = v − a is the scene's own at every step: nothing softens, or
+        nothing is remembered."""
         count, _, pieces = _tail(self._own, np.zeros(self.m))
-        return not self.remembers or bool(np.all(self.slides & (count == 1)) and not np.any(pieces[2:4]))
+        return not self.remembers or bool(
+            np.all(self.slides & (count == 1)) and not np.any(pieces[2:4])
+        )
 
     @cached_property
     def _own(self) -> Laws:
@@ -141,8 +156,9 @@ class MemoryModel:
     def next_law(self, state: NodeState, straight: bool = False) -> Laws:
         """The law of w = v − a in the step from this state, or straight pieces in its place.
 
-        Every node's is odd: ±τ(κ + |w|) with an up-jump at the last slip; elastic to τ(κ)/k, then on along the virgin
-        curve; or the secant to (κ, τ(κ)), then the virgin curve, the virgin law itself where nothing has slipped.
+        Every node's is odd: ±τ(κ + |w|) with an up-jump at the last slip; elastic to τ(κ)/k, then
+        on along the virgin curve; or the secant to (κ, τ(κ)), then the virgin curve, the virgin law
+        itself where nothing has slipped.
         """
         straight = straight and not self.law.piecewise_linear
         if self.unchanged and not straight:
@@ -159,7 +175,8 @@ class MemoryModel:
         return self._odd(count, starts, pieces, centre)
 
     def _in_series(self, starts: Array, pieces: Array) -> tuple[Array, Array]:
-        """The tail of τ(κ + x) behind the spring of elastic-plastic nodes: slopes q become k q/(k + q)."""
+        """The tail of τ(κ + x) behind the spring of elastic-plastic nodes: slopes q become k q/(k +
+        q)."""
         k, yields = self._k, self.yields[:, None]
         tau = pieces[1] + pieces[2] * (starts - pieces[0])
         starts, turned = np.where(yields, starts + tau / k, starts), 0.0 * pieces
@@ -167,10 +184,14 @@ class MemoryModel:
         return starts, np.where(yields, turned, pieces)
 
     def _chords_on(self, kappa: Array) -> Tail:
-        """The tail in straight pieces; where they stand for a curve a node begins on the curve itself."""
+        """The tail in straight pieces; where they stand for a curve a node begins on the curve
+        itself."""
         own, law = self._own, self._straight
         count, starts, pieces = _tail(law, kappa)
-        end, curved = law.upper.take(law.piece(_reached(kappa))), np.any(own.bent, axis=1)[own.index]
+        end, curved = (
+            law.upper.take(law.piece(_reached(kappa))),
+            np.any(own.bent, axis=1)[own.index],
+        )
         begin, (s_0, b_0, q) = own.value(kappa, own.piece(_reached(kappa))), pieces[:3, :, 0]
         inner = curved & np.isfinite(end)
         there = b_0 + q * (np.where(inner, end, kappa) - s_0)
@@ -179,12 +200,21 @@ class MemoryModel:
         return count, starts, pieces
 
     def _odd(self, count: Index, starts: Array, pieces: Array, centre: Array) -> Laws:
-        """The laws of all nodes from their pieces for w > 0 and the slope of one through 0, NaN for a jump or a bend.
+        """The laws of all nodes from their pieces for w > 0 and the slope of one through 0, NaN for
+        a jump or a bend.
 
-        What a film has lost does not make its residuals larger: its scale is that before anything was forgotten.
+        What a film has lost does not make its residuals larger: its scale is that before anything
+        was forgotten.
         """
-        (n, P), N, middle = starts.shape, count[:, None], np.isfinite(centre)[:, None].astype(np.intp)
-        column, row = np.arange(2 * P + int(np.max(middle, initial=0)))[None, :], np.arange(n)[:, None]
+        (n, P), N, middle = (
+            starts.shape,
+            count[:, None],
+            np.isfinite(centre)[:, None].astype(np.intp),
+        )
+        column, row = (
+            np.arange(2 * P + int(np.max(middle, initial=0)))[None, :],
+            np.arange(n)[:, None],
+        )
         left, inner = column < N, (column == N) & (middle == 1)
         at = np.where(left, N - 1 - column, np.clip(column - N - middle, 0, N - 1))
         pieces = pieces[:, row, at] * np.where(left, MIRROR[: len(pieces)], 1.0)
@@ -199,23 +229,33 @@ class MemoryModel:
         return found.known(scales=np.full(n, self.law.b_scale), falls=self.omega)
 
     def after(self, state: NodeState, w: Array) -> tuple[NodeState, Array, Array]:
-        """What the step to v = a + w leaves behind: the state, and per length stored and dissipated energies [J/m²]."""
+        """What the step to v = a + w leaves behind: the state, and per length stored and dissipated
+        energies [J/m²]."""
         v, kappa, plastic = self.origin(state) + w, state.kappa, state.plastic
         if not self.remembers:
             return NodeState(v, kappa, plastic), self.law.j(v), np.zeros(self.m)
         flow, force = self._flow(state, w)
         least = UNTOUCHED * (self.law.s_scale or float(np.max(np.abs(v), initial=0.0)))
-        largest = np.where(np.maximum(kappa, np.abs(v)) > np.maximum(kappa, least), np.abs(v), kappa)
+        largest = np.where(
+            np.maximum(kappa, np.abs(v)) > np.maximum(kappa, least), np.abs(v), kappa
+        )
         kappa = np.where(self.tears, largest, kappa + flow)
         before, now = np.maximum(state.kappa, self.elastic), np.maximum(kappa, self.elastic)
-        old, tau = (np.where(self.tears & (at > 0.0), self.law.b(at, -1), 0.0) for at in (before, now))
+        old, tau = (
+            np.where(self.tears & (at > 0.0), self.law.b(at, -1), 0.0) for at in (before, now)
+        )
         lost = self.law.integral(before, now) - 0.5 * (tau * now - old * before)
         lost = np.where(self.tears, np.where(now > before, np.maximum(lost, 0.0), 0.0), lost)
         stored = 0.5 * tau / np.where(now > 0.0, now, 1.0) * v**2 + 0.5 * force**2 / self._k
-        return NodeState(v, kappa, plastic + np.where(self.yields, np.sign(w) * flow, 0.0)), stored, lost
+        return (
+            NodeState(v, kappa, plastic + np.where(self.yields, np.sign(w) * flow, 0.0)),
+            stored,
+            lost,
+        )
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
-        """(Δp, force) (m,): of friction |w|, 0; of elastic-plastic bonds force = b(w), Δp = |w| − force/k; else 0."""
+        """(Δp, force) (m,): of friction |w|, 0; of elastic-plastic bonds force = b(w), Δp = |w| −
+        force/k; else 0."""
         flow = np.where(self.slides, np.abs(w), 0.0)
         if not np.any(self.yields):
             return flow, 0.0 * flow
@@ -229,9 +269,14 @@ def _reached(kappa: Array) -> Array:
 
 
 def _tail(law: Laws, kappa: Array) -> Tail:
-    """τ beyond κ (n,) of laws by node: the piece on which a node goes on from there, and all after it."""
+    """τ beyond κ (n,) of laws by node: the piece on which a node goes on from there, and all after
+    it."""
     first = law.piece(_reached(kappa))
-    count = np.count_nonzero(np.isfinite(law.kinks), axis=1)[law.index] + 1 - (first - law.first[law.index])
+    count = (
+        np.count_nonzero(np.isfinite(law.kinks), axis=1)[law.index]
+        + 1
+        - (first - law.first[law.index])
+    )
     at = first[:, None] + np.minimum(np.arange(np.max(count, initial=1)), count[:, None] - 1)
     starts = np.maximum(law.lower.take(at), kappa[:, None])
     starts[:, 0] = kappa
@@ -239,7 +284,8 @@ def _tail(law: Laws, kappa: Array) -> Tail:
 
 
 def _chords(law: Laws) -> Laws:
-    """τ for s > 0 in straight pieces between points of the law, which miss it by LAW_ERROR of its scale at most."""
+    """τ for s > 0 in straight pieces between points of the law, which miss it by LAW_ERROR of its
+    scale at most."""
     if law.piecewise_linear:
         return law
     reach = float(np.max(law.kinks, initial=0.0)) + FADED / float(np.min(law.rate[law.bent]))
@@ -262,7 +308,8 @@ UNDETERMINED = (
 
 @dataclass(frozen=True)
 class HistoryStep(NodeState):
-    """A step: all that a file has of it and all that the next one needs, beginning with what the nodes remember.
+    """A step: all that a file has of it and all that the next one needs, beginning with what the
+    nodes remember.
 
     load:       (m,) l̃ [N/m];  xi: (m,) ξ/c [Pa];  dissipation: (m,) what the bond has dissipated in the step [J/m²]
     stored:     B;  energy: E [J/m]
@@ -316,7 +363,12 @@ class HistoryStep(NodeState):
     def then(self, part: HistoryStep) -> HistoryStep:
         """This and a further part of the same step."""
         sums = {name: getattr(self, name) + getattr(part, name) for name in SUMS}
-        return replace(part, identity=max(self.identity, part.identity), jumped=self.jumped | part.jumped, **sums)
+        return replace(
+            part,
+            identity=max(self.identity, part.identity),
+            jumped=self.jumped | part.jumped,
+            **sums,
+        )
 
 
 @dataclass(frozen=True)
@@ -355,7 +407,8 @@ class HistoryProblem:
         return not np.any(self.model.omega)
 
     def one_solution(self, law: Laws) -> bool:
-        """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
+        """Whether a step with these laws, as the memory has moved them, has one solution or a
+        connected set of them."""
         if self.convex or self.monotone:
             return True
         reach = far(law)[law.node_index(self.body.m)]
@@ -374,16 +427,29 @@ class HistoryProblem:
 
 
 def booked(
-    p: HistoryProblem, last: HistoryStep, load: Array, answer: Answer, way: tuple[float, float] | None = None
+    p: HistoryProblem,
+    last: HistoryStep,
+    load: Array,
+    answer: Answer,
+    way: tuple[float, float] | None = None,
 ) -> HistoryStep:
     """The step or part of one to a solution w (m,) of its problem, with its energies.
 
-    way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is taken as straight
+    way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is
+    taken as straight
     """
     c, (state, stored_by_node, dissipation) = p.body.c, p.model.after(last, answer.v)
-    v, xi, stored, dissipated = state.v, answer.xi / c, float(c @ stored_by_node), float(c @ dissipation)
+    v, xi, stored, dissipated = (
+        state.v,
+        answer.xi / c,
+        float(c @ stored_by_node),
+        float(c @ dissipation),
+    )
     energy, size = p.energy(v, load), _size(p.body, v, load) + _size(p.body, last.v, last.load)
-    straight = -0.5 * float((v + last.v) @ (load - last.load)), 0.5 * float((c * (xi + last.xi)) @ (v - last.v))
+    straight = (
+        -0.5 * float((v + last.v) @ (load - last.load)),
+        0.5 * float((c * (xi + last.xi)) @ (v - last.v)),
+    )
     work, friction = straight if way is None else way
     defect = abs(energy - last.energy - work + friction)
     return HistoryStep(
@@ -414,15 +480,27 @@ def _size(body: CondensedBody, v: Array, load: Array) -> float:
     return float(size @ (np.abs(body.A_tilde) @ size) + np.abs(load) @ size)
 
 
-def proved(p: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
-    """The step with its certificates; a loose body whose motion as a whole is free has none, and fails."""
+def proved(
+    p: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep
+) -> HistoryStep:
+    """The step with its certificates; a loose body whose motion as a whole is free has none, and
+    fails."""
     if p.convex:
         return replace(step, unique=True, strict_minimum=True, global_minimum=True)
     if p.monotone or p.body.loose:
         strict = bool(strict_minimum(problem.rows, answer.v[None])[0])
         if p.body.loose and not strict:
             return replace(step, status=Status.NOT_POSITIVE_DEFINITE, reason=UNDETERMINED)
-        return replace(step, unique=strict and p.monotone, strict_minimum=strict, global_minimum=p.monotone)
+        return replace(
+            step, unique=strict and p.monotone, strict_minimum=strict, global_minimum=p.monotone
+        )
     body, residual = p.body, answer.inclusion_residual
-    proof = certify(problem, answer.v, body.lambda_1, p.tolerance, inverse=body.inverse, residual=residual)
-    return replace(step, unique=proof.unique, strict_minimum=proof.strict_minimum, global_minimum=proof.global_minimum)
+    proof = certify(
+        problem, answer.v, body.lambda_1, p.tolerance, inverse=body.inverse, residual=residual
+    )
+    return replace(
+        step,
+        unique=proof.unique,
+        strict_minimum=proof.strict_minimum,
+        global_minimum=proof.global_minimum,
+    )

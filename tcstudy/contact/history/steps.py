@@ -1,22 +1,28 @@
-"""A load history one step after the other, each along its exact path or to the lowest state of its contact problem.
+"""A load history one step after the other, each along its exact path or to the lowest state of its
+contact problem.
 
 Along its path what slides goes on sliding, what turns back starts a new part, what folds jumps.
-Inside a step the load is l̃(t) = l̃ⁿ⁻¹ + t (l̃ⁿ − l̃ⁿ⁻¹), t from 0 to 1, with the laws that the last state gives. They hold
-as long as no node takes back what it has done since: slipped, yielded or torn. So a step is a sequence of parts, each
-with laws of its own and each a piece of a piecewise-linear path (contact/path):
-  1. From the state the path is followed on the stable way on which t grows, up to a fold, or to where the first node
-     begins to take back what it has done: there the memory is updated. All parts of a step share one inverse.
-  2. Where there is no such way, a descent to the load a little further on finds what comes next. The path through it
-     is traced back: where it ends elsewhere, no solution is near, and the state *jumps* there at once, with the energy
+Inside a step the load is l̃(t) = l̃ⁿ⁻¹ + t (l̃ⁿ − l̃ⁿ⁻¹), t from 0 to 1, with the laws that the
+last state gives. They hold as long as no node takes back what it has done since: slipped, yielded
+or torn. So a step is a sequence of parts, each with laws of its own and each a piece of a
+piecewise-linear path (contact/path):
+  1. From the state the path is followed on the stable way on which t grows, up to a fold, or to
+    where the first node
+     begins to take back what it has done: there the memory is updated. All parts of a step share
+     one inverse.
+  2. Where there is no such way, a descent to the load a little further on finds what comes next.
+    The path through it
+     is traced back: where it ends elsewhere, no solution is near, and the state *jumps* there at
+     once, with the energy
      that is released. Else the path through it leads on.
-Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
-In the place of exponential pieces the path has straight ones (memory.py). At the end of every part the law's own
-solution is found beside it, at a fold the law's own (path/smooth.py), and what friction takes on the way
-there has a closed form: states and energies are exact.
+Between vertices forces and slips are linear, so that work and dissipation are exact: closure is
+rounding. In the place of exponential pieces the path has straight ones (memory.py). At the end of
+every part the law's own solution is found beside it, at a fold the law's own (path/smooth.py), and
+what friction takes on the way there has a closed form: states and energies are exact.
 
-Loop: of a bond that remembers nothing the state follows its stable branch and falls off it at folds. With the load
-l̃₀ + t l̃₁ the work of a step is −∫W dt, W = l̃₁ᵀv: of a closed loop it is its area in the plane of t and W, and all of
-it is lost at the jumps.
+Loop: of a bond that remembers nothing the state follows its stable branch and falls off it at
+folds. With the load l̃₀ + t l̃₁ the work of a step is −∫W dt, W = l̃₁ᵀv: of a closed loop it is its
+area in the plane of t and W, and all of it is lost at the jumps.
 """
 
 from __future__ import annotations
@@ -28,7 +34,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.memory import LAW_ERROR, HistoryProblem, HistoryStep, MemoryModel, booked, proved
+from tcstudy.contact.history.memory import (
+    LAW_ERROR,
+    HistoryProblem,
+    HistoryStep,
+    MemoryModel,
+    booked,
+    proved,
+)
 from tcstudy.contact.newton import convex_step
 from tcstudy.contact.path.basis_inverse import BasisInverse, SingularCellError
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
@@ -43,15 +56,20 @@ from tcstudy.scene.study import Acceptance, Branch
 Array = NDArray[np.float64]
 
 AHEAD, DIGITS = 1e-6, 1e-10
-"""Share of what is left of a step that a part looks ahead, and part of the load that it is at least."""
+"""Share of what is left of a step that a part looks ahead, and part of the load that it is at
+least."""
 BACK = 0.5
-"""The path back from there has ended elsewhere if it is this far from the state, relative to the way ahead."""
+"""The path back from there has ended elsewhere if it is this far from the state, relative to the
+way ahead."""
 ASIDE = 0.05
-"""The law's own solution lies beside that of straight pieces if it is nearer than this part of the way to it."""
+"""The law's own solution lies beside that of straight pieces if it is nearer than this part of the
+way to it."""
 ROUNDING = 1e-11
 """Part of the largest slip that rounding may seem to take back, or to be apart."""
 MOST_PARTS = 1000
-UPHILL = "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
+UPHILL = (
+    "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
+)
 HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
 ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; make more steps"
 
@@ -75,7 +93,8 @@ class Jump(NamedTuple):
 
 
 def continued(history: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
-    """The step along its path, as `next_step` has it; one that cannot be followed fails with its reason."""
+    """The step along its path, as `next_step` has it; one that cannot be followed fails with its
+    reason."""
     step = ContinuedStep(history, last, load)
     if not step.run():
         reason = ENDED.format(share=step.t, reason=step.reason)
@@ -85,7 +104,8 @@ def continued(history: HistoryProblem, last: HistoryStep, load: Array) -> Histor
 
 
 class ContinuedStep:
-    """One step while it is followed, in parts; each in w = v − a (memory.py), with the laws that its first state gives.
+    """One step while it is followed, in parts; each in w = v − a (memory.py), with the laws that
+    its first state gives.
 
     now:   all parts together up to the share t;  ways, jumps: what they went through
     rest:  (m,) what a load is more in terms of w;  law: of the part
@@ -101,7 +121,11 @@ class ContinuedStep:
     problem: ParametricProblem
 
     def __init__(self, history: HistoryProblem, last: HistoryStep, load: Array) -> None:
-        self.history, self.body, self.straight = history, history.body, history.model.law.piecewise_linear
+        self.history, self.body, self.straight = (
+            history,
+            history.body,
+            history.model.law.piecewise_linear,
+        )
         self.last, self.load, self.change = last, load, load - last.load
         self.now, self.t = last.unchanged(), 0.0
         self.ways, self.jumps = list[Way](), list[Jump]()
@@ -113,7 +137,8 @@ class ContinuedStep:
         self.senses = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
     def run(self) -> bool:
-        """Part after part and jump after jump to the load; False where none leads on, with the reason."""
+        """Part after part and jump after jump to the load; False where none leads on, with the
+        reason."""
         for _ in range(MOST_PARTS):
             self._set_out()
             path = None
@@ -133,8 +158,9 @@ class ContinuedStep:
     def _set_out(self) -> None:
         """Let the next part begin at the present state.
 
-        A stiff body makes much of a slip's last digit: forces that rounding alone takes off their limits, outside or
-        inside, are put on them, as no path would begin at the state, or all go back to its first vertex.
+        A stiff body makes much of a slip's last digit: forces that rounding alone takes off their
+        limits, outside or inside, are put on them, as no path would begin at the state, or all go
+        back to its first vertex.
         """
         A, c, now, model = self.body.A_tilde, self.body.c, self.now, self.history.model
         self.origin = model.origin(now)
@@ -156,31 +182,42 @@ class ContinuedStep:
         """w, judged as a solution at the share t."""
         problem, tolerance = self._at(t), self.history.tolerance
         answer = as_it_is(problem, w, tolerance) if self.straight else None
-        answer = answer or solve_contact(problem, tolerance=tolerance, branch="continued", neighbour=w)
+        answer = answer or solve_contact(
+            problem, tolerance=tolerance, branch="continued", neighbour=w
+        )
         self.judged = problem, answer
         return answer
 
     @property
     def _follower(self) -> Follower:
         one_way, most = self.history.model.remembers, self.history.max_pieces
-        return Follower(self.t, 1.0, most, self.history.tolerance, stable_only=True, one_way=one_way)
+        return Follower(
+            self.t, 1.0, most, self.history.tolerance, stable_only=True, one_way=one_way
+        )
 
     def _onward(self) -> Path | None:
-        """The path from the state, as far as it is stable and nobody turns back; None without one."""
+        """The path from the state, as far as it is stable and nobody turns back; None without
+        one."""
         try:
             walk = locate(self.problem, self.w, self.t, self.senses, self.basis)
         except (ValueError, SingularCellError) as error:
             self.reason = str(error).partition("; ")[0]
             return None
         self.basis = walk.basis
-        path = self._follower.onward(walk, falling=not self.straight)  # the law may go on where no chord does
+        path = self._follower.onward(
+            walk, falling=not self.straight
+        )  # the law may go on where no chord does
         self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx[:-1])
         if path is None:
             return None
-        if path.end == PathStatus.TURNS and path.pieces:  # what turns back takes none with it: they go on
+        if (
+            path.end == PathStatus.TURNS and path.pieces
+        ):  # what turns back takes none with it: they go on
             moved, pushed = path.u[-1] - path.u[-2], path.traction[-1] - path.traction[-2]
             self.senses = np.sign(np.where(moved != 0.0, moved, pushed))
-        over = path.u[-1] if path.end != PathStatus.UNSTABLE else 0.5 * (path.u[-1] + path.u[-2])  # there energy falls
+        over = (
+            path.u[-1] if path.end != PathStatus.UNSTABLE else 0.5 * (path.u[-1] + path.u[-2])
+        )  # there energy falls
         self.beyond = self.origin + over
         return path
 
@@ -189,8 +226,9 @@ class ContinuedStep:
 
         lead: the path back from its beginning to the state
 
-        Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
-        miss of the work as well: between the same ends each balances ΔE. Where they miss much the law goes elsewhere.
+        Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight
+        pieces miss of that they miss of the work as well: between the same ends each balances ΔE.
+        Where they miss much the law goes elsewhere.
         """
         p, c, reached = self.problem, self.body.c, self._reached(path)
         if reached is None:
@@ -202,10 +240,15 @@ class ContinuedStep:
         balance = p.l_0 + t[1:-1, None] * p.l_1 - w[1:-1] @ p.A_tilde
         xi = np.array([c * self.now.xi, *balance, answer.xi])
         slips, middle = np.diff(w, axis=0), 0.5 * (w[1:] + w[:-1]) + self.origin
-        work, friction = -float(np.diff(t) @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
+        work, friction = (
+            -float(np.diff(t) @ (middle @ self.change)),
+            0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips)),
+        )
         if not self.straight:
             missed = float(c @ self.law.integral(w[0], answer.v)) - friction
-            if abs(missed) > 4.0 * LAW_ERROR * self.history.model.law.b_scale * float(np.sum(np.abs(slips) @ c)):
+            if abs(missed) > 4.0 * LAW_ERROR * self.history.model.law.b_scale * float(
+                np.sum(np.abs(slips) @ c)
+            ):
                 self.reason = HIDDEN
                 return False
             work, friction = work + missed, friction + missed
@@ -215,25 +258,36 @@ class ContinuedStep:
         return True
 
     def _reached(self, path: Path) -> tuple[Array, Array, Answer] | None:
-        """Shares and slips from the state to the last vertex beside which the law itself has a solution, and that; None
-        without one, with the reason.
+        """Shares and slips from the state to the last vertex beside which the law itself has a
+        solution, and that; None without one, with the reason.
 
-        That is where the law folds beside the end. Straight pieces in the place of a curve may fold a little later than
-        it does: short of that the part ends.
+        That is where the law folds beside the end. Straight pieces in the place of a curve may fold
+        a little later than it does: short of that the part ends.
         """
         falls = path.end == PathStatus.UNSTABLE
         last, law = len(path.t) - 1 - falls, self.history.model.law
         slip = law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
         fold = fold_beside(path, self.law, law.s_scale) if falls and not self.straight else None
         if fold is not None:
-            answer, at = self._answer(fold[1], fold[0]), int(np.searchsorted(path.t[: last + 1], fold[0]))
+            answer, at = (
+                self._answer(fold[1], fold[0]),
+                int(np.searchsorted(path.t[: last + 1], fold[0])),
+            )
             if answer.status == Status.CONVERGED and np.array_equal(answer.v, fold[1]):
                 self.fold = float(np.nextafter(fold[0], 2.0))
-                return np.array([self.t, *path.t[1:at], fold[0]]), np.array([self.w, *path.u[1:at], answer.v]), answer
+                return (
+                    np.array([self.t, *path.t[1:at], fold[0]]),
+                    np.array([self.w, *path.u[1:at], answer.v]),
+                    answer,
+                )
         self.reason = path.end.reason
         if not path.t[last] > self.t:
             return None
-        steps = [2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t and not self.straight]
+        steps = [
+            2**k
+            for k in range(20)
+            if 2**k < last and path.t[last - 2**k] > self.t and not self.straight
+        ]
         for back in (0, *steps):
             at = last - back
             answer = self._answer(path.u[at], float(path.t[at]))
@@ -243,12 +297,17 @@ class ContinuedStep:
                 break
         self.fold = float(path.t[last]) if falls or back else 0.0
         if near and answer.status == Status.CONVERGED:
-            return np.array([self.t, *path.t[1:at], path.t[at]]), np.array([self.w, *path.u[1:at], answer.v]), answer
+            return (
+                np.array([self.t, *path.t[1:at], path.t[at]]),
+                np.array([self.w, *path.u[1:at], answer.v]),
+                answer,
+            )
         self.reason = answer.reason if near else self.reason if self.fold else HIDDEN
         return None
 
     def _elsewhere(self) -> bool:
-        """By a descent to the load a little further on, where the path does not lead on by itself."""
+        """By a descent to the load a little further on, where the path does not lead on by
+        itself."""
         size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
         share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
         ahead, self.fold, w = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.w
@@ -258,13 +317,17 @@ class ContinuedStep:
         found, steps = nearest_minimum(problem, begin, 1e-14, over_barriers=False)
         self.iterations += steps
         try:
-            back = replace(self._follower, one_way=False).follow(self.problem, found, ahead, "backward")
+            back = replace(self._follower, one_way=False).follow(
+                self.problem, found, ahead, "backward"
+            )
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return False
         stable = slice(back.pieces + (back.end != PathStatus.UNSTABLE))  # vertices
         back = replace(back, t=back.t[stable], u=back.u[stable])
-        allowed = max(BACK * float(np.max(np.abs(found - w))), ROUNDING * float(np.max(np.abs(back.u))))
+        allowed = max(
+            BACK * float(np.max(np.abs(found - w))), ROUNDING * float(np.max(np.abs(back.u)))
+        )
         if np.max(np.abs(back.u[-1] - w)) > allowed:
             return self._jump(back)
         if self._along(self._follower.follow(self.problem, found, ahead, "forward"), back):
@@ -275,9 +338,11 @@ class ContinuedStep:
         return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
 
     def _jump(self, path: Path) -> bool:
-        """To the solution to which the path back from the load ahead leads, or ahead if only that gains.
+        """To the solution to which the path back from the load ahead leads, or ahead if only that
+        gains.
 
-        Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
+        Where the energy of the step is convex no state lets go: what looks like a jump is rounding,
+        and counts as none.
         """
         now, A, c = self.now, self.body.A_tilde, self.body.c
         for vertex in (-1, 0):
@@ -286,11 +351,17 @@ class ContinuedStep:
             if landed.status != Status.CONVERGED:
                 self.reason = landed.reason
                 return False
-            change = self.load_at(t) - now.load  # at rest until then: at the fold, but for straight pieces
+            change = (
+                self.load_at(t) - now.load
+            )  # at rest until then: at the fold, but for straight pieces
             drop = 0.5 * float((landed.xi + c * now.xi + change) @ (self.origin + landed.v - now.v))
-            part = booked(self.history, now, self.load_at(t), landed, (-float(now.v @ change), drop))
+            part = booked(
+                self.history, now, self.load_at(t), landed, (-float(now.v @ change), drop)
+            )
             moved = np.abs(part.v - now.v)
-            if part.closure > 0.0 and np.max(moved) > ROUNDING * np.max(np.abs(part.v)):  # not the state itself
+            if part.closure > 0.0 and np.max(moved) > ROUNDING * np.max(
+                np.abs(part.v)
+            ):  # not the state itself
                 break
         size = np.abs(part.load) + np.abs(A) @ np.abs(part.v)
         rounding = np.sqrt(self.body.m) * np.finfo(float).eps * float(size @ moved)
@@ -305,7 +376,8 @@ class ContinuedStep:
         return True
 
     def _held(self) -> bool:
-        """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
+        """Whether the state is a solution of the part and the only one: just behind a down-jump it
+        is none."""
         problem = self._at(self.t)
         residual, rounding = problem.inclusion_residual(self.w), problem.xi_rounding(self.w)
         solved = Acceptance(self.history.tolerance).accepts(residual, rounding)
@@ -318,7 +390,9 @@ CLOSED = 1e-9
 """Of the largest slip, by which the end of a closed cycle may differ from its begin."""
 
 
-def history(problem: HistoryProblem, loads: Iterable[Array], start: HistoryStep | None = None) -> Iterator[HistoryStep]:
+def history(
+    problem: HistoryProblem, loads: Iterable[Array], start: HistoryStep | None = None
+) -> Iterator[HistoryStep]:
     """The steps to these loads l̃ (m,), one after the other; a step that fails is the last.
 
     start: the step after which to begin, by default the virgin body without loads
@@ -348,7 +422,9 @@ def lowest(history: HistoryProblem, last: HistoryStep, load: Array) -> HistorySt
     A body that lies loose while all its nodes slide is solved from the minimum of the convex model.
     """
     body, tolerance, a = history.body, history.tolerance, history.model.origin(last)
-    problem = ContactProblem.on(body, load - body.A_tilde @ a if np.any(a) else load, history.model.next_law(last))
+    problem = ContactProblem.on(
+        body, load - body.A_tilde @ a if np.any(a) else load, history.model.next_law(last)
+    )
     branch: Branch = "continued" if history.convex or history.monotone else "lowest"
     answer = solve_contact(problem, tolerance=tolerance, branch=branch, neighbour=last.v - a)
     failed = answer.status == Status.NOT_POSITIVE_DEFINITE
@@ -386,28 +462,41 @@ def hysteresis(
     max_pieces: int = 20_000,
     tolerance: float | None = None,
 ) -> Hysteresis:
-    """The loop from the stable solution v (m,) of t = begin to end and back: the first cycle that closes.
+    """The loop from the stable solution v (m,) of t = begin to end and back: the first cycle that
+    closes.
 
     max_pieces, tolerance: as of a `Follower`
-    Where it falls to is decided by energy descent from the fold, which is a rule, not mechanics: inertia might carry
+    Where it falls to is decided by energy descent from the fold, which is a rule, not mechanics:
+    inertia might carry
     the body past a shallow minimum. Raises ValueError for an empty range.
     """
     if begin == end:
         raise ValueError(f"the loop begins and ends at t = {begin:g}; give it a range")
     body = CondensedBody.known(problem.A_tilde, problem.c, problem.A_error)
     history = HistoryProblem(
-        body, MemoryModel(Memory("none"), problem.law, problem.m), tolerance=tolerance, max_pieces=max_pieces
+        body,
+        MemoryModel(Memory("none"), problem.law, problem.m),
+        tolerance=tolerance,
+        max_pieces=max_pieces,
     )
     load = problem.load(begin)
-    last = replace(HistoryStep.virgin(problem.m), v=v, load=load, xi=problem.at(begin).xi(v) / problem.c,
-                   stored=float(problem.c @ problem.law.j(v)), energy=history.energy(v, load))  # fmt: skip
+    last = replace(
+        HistoryStep.virgin(problem.m),
+        v=v,
+        load=load,
+        xi=problem.at(begin).xi(v) / problem.c,
+        stored=float(problem.c @ problem.law.j(v)),
+        energy=history.energy(v, load),
+    )
     for _ in range(MOST_CYCLES):
         first, ways, jumps, there, lost, area = last, list[Way](), list[Jump](), 0, 0.0, 0.0
         for one, other in ((begin, end), (end, begin)):
             step = ContinuedStep(history, last, problem.load(other))
             reason = "" if step.run() else f"at t = {_between(step.t, one, other):g}: {step.reason}"
             for jump in step.jumps:
-                jumps.append(jump._replace(ways=len(ways) + jump.ways, t=float(_between(jump.t, one, other))))
+                jumps.append(
+                    jump._replace(ways=len(ways) + jump.ways, t=float(_between(jump.t, one, other)))
+                )
             ways += [way._replace(t=_between(way.t, one, other)) for way in step.ways]
             there = len(jumps) if other == end else there
             lost, area = lost + step.now.released, area + step.now.work

@@ -1,16 +1,18 @@
 """The inverse of one cell's equations, kept from cell to cell by changes of rank one.
 
-In a cell every node is *free* (displacement u_i moves, force g_i = k_i u_i + const with k_i = c_i × slope of b) or
-*held* (u_i fixed on a kink, force g_i moves). With x_i = u_i of a free node, g_i of a held one, increments satisfy
-Au + g = τ l + r: m equations for m + 1 coordinates (x, τ), one line. Which coordinate measures the line (the *driver*)
-is free, τ or that of any node: with a fast one the system is regular whenever the line is unique, at folds and on
-upright pieces too. A node that passes to its next piece drives both cells, so that only its own column changes; to let
-it drive is a change of rank one: O(m) for what is asked of the inverse, and changes enter it many at a time, in matrix
-products.
+In a cell every node is *free* (displacement u_i moves, force g_i = k_i u_i + const with k_i = c_i ×
+slope of b) or *held* (u_i fixed on a kink, force g_i moves). With x_i = u_i of a free node, g_i of
+a held one, increments satisfy Au + g = τ l + r: m equations for m + 1 coordinates (x, τ), one line.
+Which coordinate measures the line (the *driver*) is free, τ or that of any node: with a fast one
+the system is regular whenever the line is unique, at folds and on upright pieces too. A node that
+passes to its next piece drives both cells, so that only its own column changes; to let it drive is
+a change of rank one: O(m) for what is asked of the inverse, and changes enter it many at a time, in
+matrix products.
 
-Sources: Lemke, Manage. Sci. 11 (1965) 681–689 (what has left a piece drives the next one); Cottle, Pang & Stone, The
-Linear Complementarity Problem (1992), §2.3 (principal pivots); Haynsworth, Linear Algebra Appl. 1 (1968) 73–81
-(inertia); Bunch & Kaufman, Math. Comp. 31 (1977) 163–179 (LDLᵀ of indefinite matrices).
+Sources: Lemke, Manage. Sci. 11 (1965) 681–689 (what has left a piece drives the next one); Cottle,
+Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots); Haynsworth, Linear
+Algebra Appl. 1 (1968) 73–81 (inertia); Bunch & Kaufman, Math. Comp. 31 (1977) 163–179 (LDLᵀ of
+indefinite matrices).
 """
 
 from __future__ import annotations
@@ -26,9 +28,9 @@ CAPACITY = 32
 """Changes of rank one that wait before they enter the inverse as one matrix product."""
 
 SLOW, LOST = 2e-2, 1e-3
-"""A coordinate slower than this part of the fastest one is not made to drive, and one slower than the second does not
-drive on: as many digits would be lost. Slips and forces are compared in units in which the node's own stiffness A_ii is
-one."""
+"""A coordinate slower than this part of the fastest one is not made to drive, and one slower than
+the second does not drive on: as many digits would be lost. Slips and forces are compared in units
+in which the node's own stiffness A_ii is one."""
 
 CLEAR = 0.02
 """Part of its terms below which the pivot of a node that does not drive has lost digits."""
@@ -45,7 +47,8 @@ class SingularCellError(ArithmeticError):
 
 
 class BasisInverse:
-    """(x, τ) = T ν + way z of the present cell: z is the driver's coordinate, ν_i what a node is off its piece.
+    """(x, τ) = T ν + way z of the present cell: z is the driver's coordinate, ν_i what a node is
+    off its piece.
 
     A free node's u = x, g = k x + ν, a held one's u = ν, g = x.
 
@@ -62,14 +65,21 @@ class BasisInverse:
         self.refactor()
 
     def refactor(self) -> None:
-        """The inverse from A itself, by the fastest coordinate. Raises SingularCellError if the line is not unique."""
+        """The inverse from A itself, by the fastest coordinate. Raises SingularCellError if the
+        line is not unique."""
         self.size, self.stale, self.driver, before = 0, True, -1, self.way
         self._negatives: int | None = None
         m, A, F, R = self.m, self.A, np.flatnonzero(self.free), np.flatnonzero(~self.free)
-        n, scale, moving = len(F), 1.0 / np.sqrt(np.diagonal(A)[F] + np.abs(self.k[F])), np.append(F, m)
+        n, scale, moving = (
+            len(F),
+            1.0 / np.sqrt(np.diagonal(A)[F] + np.abs(self.k[F])),
+            np.append(F, m),
+        )
         S = np.empty((n + 1, n + 1))
         S[:n, :n], S[:n, n] = self._H(F) * scale[:, None] * scale, -self.load[F] * scale
-        S[n] = np.random.default_rng(n).uniform(0.5, 1.0, n + 1)  # any border that the line does not lie in
+        S[n] = np.random.default_rng(n).uniform(
+            0.5, 1.0, n + 1
+        )  # any border that the line does not lie in
         S[n, ::2] *= -1.0
         try:
             inverse = np.linalg.inv(S)
@@ -111,10 +121,12 @@ class BasisInverse:
         self.fastest /= speed
 
     def place(self, i: int, free: bool, k: float) -> None:
-        """Move node i to a piece on which it is free with stiffness k, or held; it goes on in the same sense.
+        """Move node i to a piece on which it is free with stiffness k, or held; it goes on in the
+        same sense.
 
-        (x, ν) = R (x′, ν′) of this node, R of size two; z = ±x gives all else. A slow node lets another one drive.
-        Where the driver is slow in the next cell, or the pivot lost, the inverse becomes stale and waits for `settle`.
+        (x, ν) = R (x′, ν′) of this node, R of size two; z = ±x gives all else. A slow node lets
+        another one drive. Where the driver is slow in the next cell, or the pivot lost, the inverse
+        becomes stale and waits for `settle`.
         """
         was_free, before = self.free.item(i), self.k.item(i)
         self.free[i], self.k[i] = free, k
@@ -147,12 +159,17 @@ class BasisInverse:
             self.way /= abs(self.way.item(self.driver)) or 1.0
         self.T[:, i], self.right[i, : self.size] = new, 0.0
         self.fastest = float(np.abs(self.way * self.unit).max())
-        self.stale, turned = self._slow(self.driver, LOST), (way.item(self.m), self.way.item(self.m))
+        self.stale, turned = (
+            self._slow(self.driver, LOST),
+            (way.item(self.m), self.way.item(self.m)),
+        )
         if abs(turned[0]) <= STILL * fastest or abs(turned[1]) <= STILL * self.fastest:
             self._negatives = None
         elif self._negatives is not None and turned[0] * turned[1] < 0.0:
             # their quotient is det H′/det H: one eigenvalue has changed its sign
-            self._negatives += (-1 if k > before else 1) if was_free and free else -1 if was_free else 1
+            self._negatives += (
+                (-1 if k > before else 1) if was_free and free else -1 if was_free else 1
+            )
 
     def settle(self) -> None:
         """After changes, of which some may have been singular: the inverse of the last cell."""
@@ -179,10 +196,14 @@ class BasisInverse:
     def negatives(self) -> int:
         """Negative eigenvalues of H = A_FF + diag(k) over the free nodes."""
         if self._negatives is None:
-            F = np.flatnonzero(self.free)  # signs of the pivots of LDLᵀ; a block of two has one of either
+            F = np.flatnonzero(
+                self.free
+            )  # signs of the pivots of LDLᵀ; a block of two has one of either
             ldu, pivots, _ = scipy.linalg.lapack.dsytrf(self._H(F), lower=1)
             single = pivots > 0
-            positive = np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2
+            positive = (
+                np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2
+            )
             self._negatives = len(F) - int(positive)
         return self._negatives
 
@@ -195,6 +216,8 @@ class BasisInverse:
     def _room(self) -> int:
         """Place for a change among those that wait."""
         if self.size == CAPACITY:
-            self.T = scipy.linalg.blas.dgemm(1.0, self.left, self.right, 1.0, self.T, trans_b=1, overwrite_c=1)
+            self.T = scipy.linalg.blas.dgemm(
+                1.0, self.left, self.right, 1.0, self.T, trans_b=1, overwrite_c=1
+            )
             self.size = 0
         return self.size

@@ -1,18 +1,21 @@
-"""Equilibria on one branch: the piecewise-linear path of Ãu + ξ = l̃₀ + t l̃₁, ξ_i/c_i ∈ b̂(u_i), followed exactly.
+"""Equilibria on one branch: the piecewise-linear path of Ãu + ξ = l̃₀ + t l̃₁, ξ_i/c_i ∈ b̂(u_i),
+followed exactly.
 
-For a piecewise-linear law the filled graph of b̂ is a polygonal line at every node. While every node stays on its
-piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its
-graph, and the path continues in the next cell. Nothing is approximated and nothing is iterated: folds (t turns), stick,
-slip, up- and down-jumps and unstable solutions all are vertices of one polygon. Several nodes at once, starts on a
-vertex and pieces with a singular matrix are part of the method (walk.py).
+For a piecewise-linear law the filled graph of b̂ is a polygonal line at every node. While every
+node stays on its piece of the line, (u, ξ, t) moves along a straight line; at the end of it one
+node goes on to the next piece of its graph, and the path continues in the next cell. Nothing is
+approximated and nothing is iterated: folds (t turns), stick, slip, up- and down-jumps and unstable
+solutions all are vertices of one polygon. Several nodes at once, starts on a vertex and pieces with
+a singular matrix are part of the method (walk.py).
 
-Orientation: what keeps the path from turning round is that the node that has reached its bound goes on in the same
-sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
-coming back to one means a closed loop or, at a bifurcation, a branch that was met before; both end the path.
+Orientation: what keeps the path from turning round is that the node that has reached its bound goes
+on in the same sense along its graph. Generically the pieces then form a curve without branches, so
+a cell is entered at most once: coming back to one means a closed loop or, at a bifurcation, a
+branch that was met before; both end the path.
 
-Literature: Katzenelson, Bell Syst. Tech. J. 44 (1965) 1605–1620 (piecewise-linear networks); Lemke, Manage. Sci. 11
-(1965) 681–689 (the variable that has left a piece drives the next one). Left out: other branches at a bifurcation,
-except the one that keeps tied nodes together.
+Literature: Katzenelson, Bell Syst. Tech. J. 44 (1965) 1605–1620 (piecewise-linear networks); Lemke,
+Manage. Sci. 11 (1965) 681–689 (the variable that has left a piece drives the next one). Left out:
+other branches at a bifurcation, except the one that keeps tied nodes together.
 """
 
 from __future__ import annotations
@@ -36,17 +39,20 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
 TOGETHER, AGAIN = 64, 4
-"""Vertices whose residuals are checked together, after which the point is balanced again, and where that failed."""
+"""Vertices whose residuals are checked together, after which the point is balanced again, and where
+that failed."""
 
 AIM = 0.1
-"""Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
+"""Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be
+reached."""
 
 BACKWARD = 1e-12
 """A node that moves back more slowly than this part of the fastest one does not turn."""
 
 
 class Piece(NamedTuple):
-    """Codes (m,) and stability of a piece, and its end: coordinates (m + 1,) by the pieces `on` (m,)."""
+    """Codes (m,) and stability of a piece, and its end: coordinates (m + 1,) by the pieces `on`
+    (m,)."""
 
     codes: Codes
     stable: bool
@@ -83,15 +89,21 @@ class Follower:
     ) -> Path:
         """The path through the solution v of parameter t.
 
-        direction: "forward" leaves with growing t, "backward" with falling t; "both" does both and joins them. (At a
-                   start exactly on a fold both ways have the same sense of t; forward is one of them.)
+        direction: "forward" leaves with growing t, "backward" with falling t; "both" does both and
+        joins them. (At a
+                   start exactly on a fold both ways have the same sense of t; forward is one of
+                   them.)
         progress:  called with (pieces, t) after every check
         Raises NoSolutionError if v is no solution, ValueError for a law that is not piecewise linear or a bad range.
         """
         if not self.t_min <= t <= self.t_max:
-            raise ValueError(f"the start t = {t:g} lies outside the range [{self.t_min:g}, {self.t_max:g}]")
+            raise ValueError(
+                f"the start t = {t:g} lies outside the range [{self.t_min:g}, {self.t_max:g}]"
+            )
         if not np.any(problem.l_1):
-            raise ValueError("l_1 is zero: the load does not depend on t, so there is no path to follow")
+            raise ValueError(
+                "l_1 is zero: the load does not depend on t, so there is no path to follow"
+            )
         v = np.asarray(v, dtype=float)
         try:
             walk = locate(problem, v, t)
@@ -105,11 +117,15 @@ class Follower:
         both: dict[str, Any] = {"start": back.pieces, "begin": back.end}
         vertices, pieces = ("t", "u", "traction", "residual"), ("stable", "codes")
         for names, backward in ((vertices, slice(None, 0, -1)), (pieces, slice(None, None, -1))):
-            both |= {name: np.concatenate([getattr(back, name)[backward], getattr(ahead, name)]) for name in names}
+            both |= {
+                name: np.concatenate([getattr(back, name)[backward], getattr(ahead, name)])
+                for name in names
+            }
         return replace(ahead, **both)
 
     def onward(self, walk: Walk, falling: bool = False) -> Path | None:
-        """The path along the stable way on which t grows from where the walk stands; None if there is none.
+        """The path along the stable way on which t grows from where the walk stands; None if there
+        is none.
 
         falling: else the piece on which the walk stands, if t falls along it
         """
@@ -122,11 +138,14 @@ class Follower:
             return path if path and path.end == PathStatus.UNSTABLE else None
         return None
 
-    def way(self, walk: Walk, begin: Ray, others: set[bytes], progress: Progress | None = None) -> Path:
-        """One direction, some pieces at a time until something ends the path; others: cells that do.
+    def way(
+        self, walk: Walk, begin: Ray, others: set[bytes], progress: Progress | None = None
+    ) -> Path:
+        """One direction, some pieces at a time until something ends the path; others: cells that
+        do.
 
-        If their vertices are not accurate they are followed again from a fresh inverse, each with a correction; if even
-        that does not help the path ends.
+        If their vertices are not accurate they are followed again from a fresh inverse, each with a
+        correction; if even that does not help the path ends.
         """
         p, accept, count, reached = walk.problem, Acceptance(self.tolerance), TOGETHER, 0.0
         pieces, known, mark, end = list[Piece](), others.copy(), begin, None
@@ -140,7 +159,11 @@ class Follower:
                 try:
                     if careful:
                         del pieces[done:]
-                        known = others | {piece.codes.tobytes() for piece in pieces} | {mark.codes.tobytes()}
+                        known = (
+                            others
+                            | {piece.codes.tobytes() for piece in pieces}
+                            | {mark.codes.tobytes()}
+                        )
                         walk.basis.stale = True
                         walk.put(mark)
                         walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
@@ -176,14 +199,24 @@ class Follower:
 
     def _judged(self, walk: Walk, pieces: list[Piece]) -> tuple[Array, ...]:
         """t, u, ξ/c and the residuals at the ends of pieces, as `Path` has them."""
-        x, on = (np.array(column) for column in zip(*((piece.x, piece.on) for piece in pieces), strict=True))
+        x, on = (
+            np.array(column)
+            for column in zip(*((piece.x, piece.on) for piece in pieces), strict=True)
+        )
         *point, defect = walk.points(x, on)
         return *point, np.max(np.abs(defect) / walk.problem.c, axis=1) / walk.problem.traction_scale
 
     def _some(
-        self, walk: Walk, begin: Ray, pieces: list[Piece], known: set[bytes], count: int, careful: bool
+        self,
+        walk: Walk,
+        begin: Ray,
+        pieces: list[Piece],
+        known: set[bytes],
+        count: int,
+        careful: bool,
     ) -> PathStatus | None:
-        """A count of pieces more; careful: with a correction at the end of each. Raises SingularCellError."""
+        """A count of pieces more; careful: with a correction at the end of each. Raises
+        SingularCellError."""
         start = begin.codes.tobytes()
         for _ in range(count):
             stable = walk.stable
@@ -197,7 +230,9 @@ class Follower:
             step, first = walk.reach()
             if not np.isfinite(step):
                 return PathStatus.UNBOUNDED
-            if first == walk.m and step == 0.0 and not pieces:  # one without length would be a second solution there
+            if (
+                first == walk.m and step == 0.0 and not pieces
+            ):  # one without length would be a second solution there
                 return PathStatus.RANGE_END
             at, codes = walk.arrive(step, first), walk.codes.copy()
             if first == walk.m and careful:
@@ -212,7 +247,9 @@ class Follower:
             key = walk.codes.tobytes()
             if key == start:
                 if np.any(np.abs(walk.x - begin.x)[:-1] > walk.tie * walk.scale):
-                    pieces.append(Piece(begin.codes, walk.stable, begin.x, begin.codes))  # the start lies inside it
+                    pieces.append(
+                        Piece(begin.codes, walk.stable, begin.x, begin.codes)
+                    )  # the start lies inside it
                 pieces[-1] = pieces[-1]._replace(x=begin.x, on=begin.codes)
                 return PathStatus.CLOSED_LOOP
             if key in known:

@@ -1,12 +1,14 @@
-"""What a path is followed on, a load affine in t, l̃(t) = l̃₀ + t l̃₁, and a law of straight pieces; and what a path is.
+"""What a path is followed on, a load affine in t, l̃(t) = l̃₀ + t l̃₁, and a law of straight
+pieces; and what a path is.
 
-The filled graph of b̂ of such a law is a polygonal line in the (s, ξ/c) plane. With K kinks it has the pieces 0 … 2K in
-the order in which the line runs from s = −∞ to s = +∞: piece 2k is the segment of slopes between kink k−1 and kink k,
-piece 2k+1 the vertical side at kink k (absent where b only bends). On a segment the coordinate that moves is s, on a
-vertical side it is ξ/c.
+The filled graph of b̂ of such a law is a polygonal line in the (s, ξ/c) plane. With K kinks it has
+the pieces 0 … 2K in the order in which the line runs from s = −∞ to s = +∞: piece 2k is the segment
+of slopes between kink k−1 and kink k, piece 2k+1 the vertical side at kink k (absent where b only
+bends). On a segment the coordinate that moves is s, on a vertical side it is ξ/c.
 
-Where nodes have laws of their own (tcstudy/laws) the pieces of all of them are numbered through, law after
-law, so that a piece's code says of which law it is and whatever is asked by code needs no law.
+Where nodes have laws of their own (tcstudy/laws) the pieces of all of them are numbered through,
+law after law, so that a piece's code says of which law it is and whatever is asked by code needs no
+law.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ class ParametricProblem:
     span:    two values of t whose loads are the scale of residuals where the law has none
     A_error: as in `ContactProblem`
 
-    t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a load step.
+    t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a
+    load step.
     """
 
     A_tilde: Array
@@ -60,11 +63,17 @@ class ParametricProblem:
     @cached_property
     def traction_scale(self) -> float:
         """Scale of b for the whole path, that of the problems at both ends of `span` [Pa]."""
-        return max(self.at(t).traction_scale for t in self.span) or float(np.max(np.abs(self.l_1 / self.c)))
+        return max(self.at(t).traction_scale for t in self.span) or float(
+            np.max(np.abs(self.l_1 / self.c))
+        )
 
     def xi_rounding(self, t: float, v: Array) -> float:
-        """What rounding of v, t, l̃₀ and l̃₁ does to a residual relative to `traction_scale` (ContactProblem)."""
-        return self.at(t).rounding(v, np.abs(self.l_0) + abs(t) * np.abs(self.l_1)) / self.traction_scale
+        """What rounding of v, t, l̃₀ and l̃₁ does to a residual relative to `traction_scale`
+        (ContactProblem)."""
+        return (
+            self.at(t).rounding(v, np.abs(self.l_0) + abs(t) * np.abs(self.l_1))
+            / self.traction_scale
+        )
 
     def load(self, t: float) -> Array:
         """l̃(t) (m,)."""
@@ -116,7 +125,8 @@ class ScaledBody:
 
     @classmethod
     def of(cls, A_tilde: Array, held: bool = True) -> ScaledBody:
-        """held: False for a body that can move freely, whose compliance is that with its first node held."""
+        """held: False for a body that can move freely, whose compliance is that with its first node
+        held."""
         m, stiffness = len(A_tilde), float(np.mean(np.diagonal(A_tilde)))
         A = np.asfortranarray(A_tilde / stiffness)
         part = A if held else A[1:, 1:]
@@ -164,9 +174,11 @@ class LawGraph:
 
 
 def law_graph(law: Laws) -> LawGraph:
-    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for exponential pieces.
+    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for
+    exponential pieces.
 
-    All laws have as many codes as the one with most kinks; nothing leads to those that a law does not need.
+    All laws have as many codes as the one with most kinks; nothing leads to those that a law does
+    not need.
     """
     if not law.piecewise_linear:
         raise ValueError(
@@ -183,7 +195,12 @@ def law_graph(law: Laws) -> LawGraph:
         return found.ravel()
 
     codes = np.arange(laws * (2 * count + 1), dtype=np.int32).reshape(laws, -1)
-    before, after, bends, falls = codes - 1, codes + 1, real & (table.kinds == BEND), row(False, table.kinds == DOWN)
+    before, after, bends, falls = (
+        codes - 1,
+        codes + 1,
+        real & (table.kinds == BEND),
+        row(False, table.kinds == DOWN),
+    )
     after[:, :-1:2] += bends
     before[:, 2::2] -= bends
     before[:, 0] = after[np.arange(laws), 2 * np.count_nonzero(real, axis=1)] = -1
@@ -209,7 +226,9 @@ class PathStatus(Enum):
     RANGE_END = "the parameter reached the end of the range that the path may use"
     CLOSED_LOOP = "the path is a closed loop and came back to its start"
     UNBOUNDED = "the last piece goes on without bound and no node changes its piece any more"
-    PIECE_LIMIT = "the limit on the number of pieces was reached; raise max_pieces to follow it further"
+    PIECE_LIMIT = (
+        "the limit on the number of pieces was reached; raise max_pieces to follow it further"
+    )
     UNSTABLE = "the stable branch ends here"
     TURNED_BACK = (
         "the path came back to a piece it had been on: branches meet at a bifurcation; start again from another "
@@ -237,7 +256,8 @@ WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP, Pat
 
 @dataclass(frozen=True)
 class Path:
-    """A piecewise-linear path of solutions of Ãu + ξ = l̃₀ + t l̃₁, vertices in the order of travel.
+    """A piecewise-linear path of solutions of Ãu + ξ = l̃₀ + t l̃₁, vertices in the order of
+    travel.
 
     problem:     what was followed
     t:           (k,) parameter at the vertices
@@ -268,7 +288,9 @@ class Path:
         traction = np.clip(force, *problem.law.interval(u))
         residual = np.array([np.max(np.abs(force - traction)) / problem.traction_scale])
         stable, codes = np.zeros(0, dtype=bool), np.zeros((0, len(u)), dtype=np.int32)
-        return cls(problem, np.array([t]), u[None], traction[None], residual, stable, codes, 0, end, end)
+        return cls(
+            problem, np.array([t]), u[None], traction[None], residual, stable, codes, 0, end, end
+        )
 
     @property
     def pieces(self) -> int:
@@ -277,7 +299,8 @@ class Path:
 
     @cached_property
     def slipping(self) -> NDArray[np.bool_]:
-        """(k−1, m) True where a node is on a segment of b, False where it sits on a vertical side."""
+        """(k−1, m) True where a node is on a segment of b, False where it sits on a vertical
+        side."""
         return np.asarray(self.problem.graph.free[self.codes])
 
     @cached_property
@@ -296,7 +319,8 @@ class Path:
         return np.stack([self.t, self.traction @ self.problem.c], axis=1)
 
     def along(self, side: int) -> tuple[Array, float]:
-        """(row, time) of a coordinate row·u + time·t along a piece: that of the slips, or t where all nodes rest."""
+        """(row, time) of a coordinate row·u + time·t along a piece: that of the slips, or t where
+        all nodes rest."""
         way = self.u[side + 1] - self.u[side]
         length = float(np.max(np.abs(way)))
         if length == 0.0:
@@ -305,7 +329,8 @@ class Path:
 
     @cached_property
     def folds(self) -> Index:
-        """Vertices at which t turns (a piece along which t stands still belongs to the fold before it)."""
+        """Vertices at which t turns (a piece along which t stands still belongs to the fold before
+        it)."""
         direction = np.sign(np.diff(self.t))
         moving = np.flatnonzero(direction)
         turns = np.flatnonzero(direction[moving][1:] != direction[moving][:-1])

@@ -1,18 +1,22 @@
-"""Questions to a path: its solutions at one t, those of the true smooth law, folds, the least energy proved; and every
-branch of solutions over an interval of t, closed loops included, proved to be all or said why not.
+"""Questions to a path: its solutions at one t, those of the true smooth law, folds, the least
+energy proved; and every branch of solutions over an interval of t, closed loops included, proved to
+be all or said why not.
 
-Folds: a turn of t and its neighbour that comes back the least are one small step back: such pairs are taken away,
-smallest first, as long as they step back too little (persistence, Edelsbrunner, Letscher & Zomorodian, Discrete Comput.
-Geom. 28 (2002) 511–533). So a wiggle at a large fold goes, and the fold itself stays.
+Folds: a turn of t and its neighbour that comes back the least are one small step back: such pairs
+are taken away, smallest first, as long as they step back too little (persistence, Edelsbrunner,
+Letscher & Zomorodian, Discrete Comput. Geom. 28 (2002) 511–533). So a wiggle at a large fold goes,
+and the fold itself stays.
 
-Least energy: the lower envelope of parabolas, exact up to rounding. Along a piece dL̃/dt = −W with W = l̃₁ᵀu linear in
-t, so L̃ is a parabola of t there; where two of them cross (a Maxwell point) the lowest solution changes without a fold.
+Least energy: the lower envelope of parabolas, exact up to rounding. Along a piece dL̃/dt = −W with
+W = l̃₁ᵀu linear in t, so L̃ is a parabola of t there; where two of them cross (a Maxwell point) the
+lowest solution changes without a fold.
 
-Branches: `contact.all_solutions` finds all cells that may hold a solution for some t, as problems with a load that
-varies: slabs of t cover the interval and every step but a proof of emptiness keeps all solutions. In a cell the
-solutions are one segment: branches are followed from those that begin at an end of the interval, loops from what is
-left. Checked: every cell that a branch goes through is one that has a segment, no segment is on no branch, no branch
-ends inside, and the number of solutions is odd where the interval begins, so that it is everywhere.
+Branches: `contact.all_solutions` finds all cells that may hold a solution for some t, as problems
+with a load that varies: slabs of t cover the interval and every step but a proof of emptiness keeps
+all solutions. In a cell the solutions are one segment: branches are followed from those that begin
+at an end of the interval, loops from what is left. Checked: every cell that a branch goes through
+is one that has a segment, no segment is on no branch, no branch ends inside, and the number of
+solutions is odd where the interval begins, so that it is everywhere.
 """
 
 from __future__ import annotations
@@ -25,7 +29,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import Equilibria, Limits, PolygonProblems, all_solutions, unproved
+from tcstudy.contact.all_solutions import (
+    Equilibria,
+    Limits,
+    PolygonProblems,
+    all_solutions,
+    unproved,
+)
 from tcstudy.contact.certificates import Proofs
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
@@ -72,30 +82,46 @@ class PathSolution(NamedTuple):
 def solutions_at(path: Path, t: float) -> list[PathSolution]:
     """All solutions of the path at t in its order; a vertex counts once.
 
-    Along a piece on which t stands still all points are solutions of the same t: its two ends are returned.
+    Along a piece on which t stands still all points are solutions of the same t: its two ends are
+    returned.
     """
     low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
     found, last = list[PathSolution](), -1.0
     for piece in np.flatnonzero((low <= t) & (t <= high)).tolist():
         (t_0, t_1), (begin, end) = path.t[piece : piece + 2], path.u[piece : piece + 2]
         for s in (0.0, 1.0) if t_0 == t_1 else (float((t - t_0) / (t_1 - t_0)),):
-            before = found.pop().stable if piece + s == last else True  # the vertex between two pieces
+            before = (
+                found.pop().stable if piece + s == last else True
+            )  # the vertex between two pieces
             v, last = end if s == 1.0 else begin + s * (end - begin), piece + s
             found.append(PathSolution(v, before and bool(path.stable[piece]), piece))
     return found
 
 
 def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
-    """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
+    """The solutions of the law that the path's law approximates, by Newton's method from those of
+    the path.
 
-    Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
-    carry over (its residual says so) is polished on the pieces identified there; judge every answer by its residual.
+    Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A
+    solution that does not carry over (its residual says so) is polished on the pieces identified
+    there; judge every answer by its residual.
     """
-    problem, curve, found = path.problem.with_law(law).at(t), SmoothPath(path, law), list[PathSolution]()
+    problem, curve, found = (
+        path.problem.with_law(law).at(t),
+        SmoothPath(path, law),
+        list[PathSolution](),
+    )
     for solution in solutions_at(path, t):
         point = curve.at(solution.piece, (np.zeros(problem.m), 1.0), t, solution.v, t)
-        v, residual = (solution.v, np.inf) if point is None else (point.v, problem.inclusion_residual(point.v))
-        if not residual <= CARRIED and (other := polished(problem, solution.v, exact=False)).residual < residual:
+        v, residual = (
+            (solution.v, np.inf)
+            if point is None
+            else (point.v, problem.inclusion_residual(point.v))
+        )
+        if (
+            not residual <= CARRIED
+            and (other := polished(problem, solution.v, exact=False)).residual < residual
+        ):
             v = other.v
         found.append(solution._replace(v=v))
     return found
@@ -106,7 +132,8 @@ SHORT = 1e-13
 
 
 class Lowest(NamedTuple):
-    """The lowest solutions of a path, by growing t: piece[i] is lowest for begin[i] ≤ t ≤ end[i], all (n,)."""
+    """The lowest solutions of a path, by growing t: piece[i] is lowest for begin[i] ≤ t ≤ end[i],
+    all (n,)."""
 
     begin: Array
     end: Array
@@ -124,7 +151,9 @@ def lowest(path: Path) -> Lowest:
             continue
         slope = (w[k + 1] - w[k]) / (t[k + 1] - t[k])
         at_a = w[k] + slope * (a - t[k])
-        e = energy[k] - 0.5 * (w[k] + at_a) * (a - t[k])  # L̃ = e + f s + g s², s = 0 at a and 1 at b
+        e = energy[k] - 0.5 * (w[k] + at_a) * (
+            a - t[k]
+        )  # L̃ = e + f s + g s², s = 0 at a and 1 at b
         for s_0, s_1, i in _envelope(e, -at_a * (b - a), -0.5 * slope * (b - a) ** 2):
             begin, end, piece = a + s_0 * (b - a), a + s_1 * (b - a), int(k[i])
             if found and found[-1][2] == piece:
@@ -139,7 +168,11 @@ def _envelope(e: Array, f: Array, g: Array) -> list[tuple[float, float, int]]:
     noise = 1e-13 * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
     s, parts, now = 0.0, [], int(np.argmin(e - np.min(e) + f * 1e-6 + g * 1e-12))
     for _ in range(2 * len(e) + 1):
-        d, h, q = e - e[now], f - f[now], g - g[now]  # which others fall through zero first beyond s?
+        d, h, q = (
+            e - e[now],
+            f - f[now],
+            g - g[now],
+        )  # which others fall through zero first beyond s?
         root = np.sqrt(np.maximum(h * h - 4.0 * d * q, 0.0))
         half = -0.5 * (h + np.where(h >= 0.0, root, -root))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -159,8 +192,11 @@ AT_ONCE = 2**20
 """Entries of the arrays of solutions that are proved together."""
 
 
-def proved_minima(path: Path, low: Lowest, lambda_1: float, acceptance: Acceptance) -> NDArray[np.bool_]:
-    """(n,) whether the lowest solution in the middle of every interval is proved to have the least energy of all.
+def proved_minima(
+    path: Path, low: Lowest, lambda_1: float, acceptance: Acceptance
+) -> NDArray[np.bool_]:
+    """(n,) whether the lowest solution in the middle of every interval is proved to have the least
+    energy of all.
 
     lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m];  acceptance: which residual makes a solution
     """
@@ -170,13 +206,17 @@ def proved_minima(path: Path, low: Lowest, lambda_1: float, acceptance: Acceptan
         share = (t - path.t[k]) / (path.t[k + 1] - path.t[k])
         v = path.u[k] + share[:, None] * (path.u[k + 1] - path.u[k])
         rows = path.problem.rows(t, lambda_1)
-        solved, proofs = acceptance.accepts(rows.inclusion_residual(v), rows.xi_rounding(v)), Proofs(rows)
+        solved, proofs = (
+            acceptance.accepts(rows.inclusion_residual(v), rows.xi_rounding(v)),
+            Proofs(rows),
+        )
         proofs.prove_lowest(np.flatnonzero(solved), v)
         proved[own] = solved & (proofs.unique | proofs.lowest)
     return proved
 
 
-# -- all branches of a range -------------------------------------------------------------------------------------------
+# -- all branches of a range
+# -------------------------------------------------------------------------------------------
 
 SLABS = 16
 """Parts of the interval that the search begins from; each is proved, or given up, by itself."""
@@ -202,7 +242,8 @@ class Branches:
         return not self.reason
 
     def solutions(self, t: float) -> list[tuple[Array, bool]]:
-        """(v (m,), stable) of all that are known at t; those listed by themselves may be on branches as well."""
+        """(v (m,), stable) of all that are known at t; those listed by themselves may be on
+        branches as well."""
         known = [(one.v, one.stable) for branch in self.branches for one in solutions_at(branch, t)]
         one = self.listed.get(t)
         return known if one is None else [*known, *zip(one.v, one.stable.tolist(), strict=True)]
@@ -222,23 +263,36 @@ def all_branches(
 ) -> Branches:
     """Every branch for t from begin to end; limits are of each slab, and of each value.
 
-    at: values of t whose solutions are to be known. Where the search of all branches does not answer for one, as its
-        limits are met or the value is outside, the solutions there are listed by themselves; those inside are followed
+    at: values of t whose solutions are to be known. Where the search of all branches does not
+    answer for one, as its
+        limits are met or the value is outside, the solutions there are listed by themselves; those
+        inside are followed
         like what was found of unfinished branches, so that every branch known is whole.
     Raises ValueError for laws with exponential pieces.
     """
     limits, low, high = limits or Limits(), min(begin, end), max(begin, end)
     edge, per_s = np.linspace(0.0, 1.0, SLABS + 1), (high - low) * problem.l_1
     loads = problem.load(low) + 0.5 * (edge[1:] + edge[:-1])[:, None] * per_s
-    boxes = PolygonProblems(problem.A_tilde, problem.c, problem.law, loads, lambda_1, per_s * 0.5 / SLABS)
+    boxes = PolygonProblems(
+        problem.A_tilde, problem.c, problem.law, loads, lambda_1, per_s * 0.5 / SLABS
+    )
     cells = boxes.search(limits)
     stopped = bool(np.any(cells.stopped))
-    listed = {t: all_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high}
+    listed = {
+        t: all_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high
+    }
     inside = [x.sides for t, x in listed.items() if low <= t <= high]
     sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
-    found = boxes.segments(np.zeros(len(sides), dtype=np.intp), sides, problem.load(low)[None], per_s)
+    found = boxes.segments(
+        np.zeros(len(sides), dtype=np.intp), sides, problem.load(low)[None], per_s
+    )
     one, undecided = found.one, int(np.count_nonzero(~(found.one | found.none)))
-    keys, u, s, open_end = [row.tobytes() for row in sides[one]], found.u[one], found.s[one], found.open_end[one]
+    keys, u, s, open_end = (
+        [row.tobytes() for row in sides[one]],
+        found.u[one],
+        found.s[one],
+        found.open_end[one],
+    )
     on_branch, branches, missing = set[bytes](), list[Path](), 0
     follower, side_of = Follower(low, high, MOST_PIECES), _sides(problem)
     for i, h in [*np.argwhere(open_end).tolist(), *((i, 0) for i in range(len(keys)))]:
@@ -255,7 +309,10 @@ def all_branches(
         branches.append(branch)
     count, limit = sum(float(t) == low for branch in branches for t in branch.t[[0, -1]]), ""
     if stopped:
-        t_of, turns = low + (high - low) * edge, np.flatnonzero(np.diff(cells.stopped, prepend=False, append=False))
+        t_of, turns = (
+            low + (high - low) * edge,
+            np.flatnonzero(np.diff(cells.stopped, prepend=False, append=False)),
+        )
         parts = [f"{t_of[i]:g} to {t_of[j]:g}" for i, j in turns.reshape(-1, 2)]
         limit = f"boxes or time was met where the parameter is {', '.join(parts)}"
     reason = unproved(limit, undecided or missing, count)
@@ -263,7 +320,8 @@ def all_branches(
 
 
 def _sides(problem: ParametricProblem) -> Index:
-    """Side of its polygon that every code of the laws' graph is; the polygons leave out jumps that are none."""
+    """Side of its polygon that every code of the laws' graph is; the polygons leave out jumps that
+    are none."""
     kinds = problem.law.tables.kinds
     kept = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
     kept[:, 1::2] = kinds != BEND

@@ -1,13 +1,15 @@
-"""The curve beside a path: where the law has exponential pieces, whose path was followed on straight ones instead.
+"""The curve beside a path: where the law has exponential pieces, whose path was followed on
+straight ones instead.
 
-Between two events of the law itself (a node begins to slip, comes to rest, passes a kink) the solutions are a smooth
-curve (v, t)(s), s = row·v + time·t; a side of the polygon beside it says which nodes slide on which piece, and begins
+Between two events of the law itself (a node begins to slip, comes to rest, passes a kink) the
+solutions are a smooth curve (v, t)(s), s = row·v + time·t; a side of the polygon beside it says
+which nodes slide on which piece, and begins
 
     [H −l̃₁; row time] [dv; dt] = [l̃ − Ãv − c b(v); s − row·v − time·t],   H = A_FF + diag(c b′),
 
-Newton's method, regular at a simple fold of t too. The same matrix gives the derivative by s, and with it the slope of
-a number of t and R = Σξ: side after side down it, to the zero between two vertices or to a corner from which both ways
-go up.
+Newton's method, regular at a simple fold of t too. The same matrix gives the derivative by s, and
+with it the slope of a number of t and R = Σξ: side after side down it, to the zero between two
+vertices or to a corner from which both ways go up.
 """
 
 from __future__ import annotations
@@ -35,9 +37,11 @@ Goal = Callable[[Array], Array]
 EPS = float(np.finfo(float).eps)
 NEWTON, SIDES = 40, 200
 PLACE = 1e-12
-"""How exactly a place on the curve is sought where a goal is least: it moves by the square of that."""
+"""How exactly a place on the curve is sought where a goal is least: it moves by the square of
+that."""
 NEAR = 0.1
-"""The law folds beside straight pieces if it does within this part of the slips over which b changes."""
+"""The law folds beside straight pieces if it does within this part of the slips over which b
+changes."""
 BESIDE = "the curve was not found beside the path of straight pieces; begin elsewhere, or use compare: vertical"
 
 
@@ -71,19 +75,36 @@ class CurvePoint:
 def bordered(
     p: ParametricProblem, law: Laws, codes: Index, v: Array, coordinate: Coordinate
 ) -> tuple[Index, Array, float]:
-    """(the nodes that slide, [H −l̃₁; row time] with its last row times a stiffness, that) on these pieces."""
-    free, (row, time), unit = np.flatnonzero(codes % 2 == 0), coordinate, float(np.max(np.diagonal(p.A_tilde)))
-    slope, J = law.of_nodes(free).slope(v[free], codes[free] // 2), np.empty((len(free) + 1, len(free) + 1))
+    """(the nodes that slide, [H −l̃₁; row time] with its last row times a stiffness, that) on these
+    pieces."""
+    free, (row, time), unit = (
+        np.flatnonzero(codes % 2 == 0),
+        coordinate,
+        float(np.max(np.diagonal(p.A_tilde))),
+    )
+    slope, J = (
+        law.of_nodes(free).slope(v[free], codes[free] // 2),
+        np.empty((len(free) + 1, len(free) + 1)),
+    )
     J[:-1, :-1], J[:-1, -1] = with_diagonal(p.A_tilde, free, p.c[free] * slope), -p.l_1[free]
     J[-1, :-1], J[-1, -1] = unit * row[free], unit * time
     return free, J, unit
 
 
-@np.errstate(over="ignore", invalid="ignore")  # far off an exponential passes all numbers; such a step ends it
+@np.errstate(
+    over="ignore", invalid="ignore"
+)  # far off an exponential passes all numbers; such a step ends it
 def on_curve(
-    p: ParametricProblem, law: Laws, codes: Index, coordinate: Coordinate, s: float, v: Array, t: float
+    p: ParametricProblem,
+    law: Laws,
+    codes: Index,
+    coordinate: Coordinate,
+    s: float,
+    v: Array,
+    t: float,
 ) -> CurvePoint | None:
-    """The point of a coordinate s with all nodes on these pieces, by Newton's method from (v, t); None if it fails."""
+    """The point of a coordinate s with all nodes on these pieces, by Newton's method from (v, t);
+    None if it fails."""
     row, time = coordinate
     v, before = np.where(codes % 2 == 1, law.kink(codes // 2), v), np.inf
     slip = p.traction_scale * float(np.max(p.c) / np.max(np.diagonal(p.A_tilde)))
@@ -94,20 +115,29 @@ def on_curve(
         lu, pivots, singular = scipy.linalg.lapack.dgetrf(J)
         if singular or not np.isfinite(lu[-1, -1]):
             return None
-        step = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(off, unit * (s - row @ v - time * t)))[0]
+        step = scipy.linalg.lapack.dgetrs(
+            lu, pivots, np.append(off, unit * (s - row @ v - time * t))
+        )[0]
         v[free], t = v[free] + step[:-1], t + float(step[-1])
         size = float(np.max(np.abs(step[:-1]), initial=0.0)) + abs(float(step[-1]) * time)
         largest = float(np.max(np.abs(v), initial=0.0)) + abs(t * time)
         if not np.isfinite(size):
             return None
-        if size <= 4.0 * EPS * largest or (size >= 0.5 * before and before <= 1e-10 * max(largest, slip)):
+        if size <= 4.0 * EPS * largest or (
+            size >= 0.5 * before and before <= 1e-10 * max(largest, slip)
+        ):
             break
         before = size
     else:
         return None
     d = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(np.zeros(n), unit))[0]
-    R, dR = (p.load(t) - p.A_tilde @ v).sum(), p.l_1.sum() * d[-1] - p.A_tilde[free].sum(axis=1) @ d[:-1]
-    return CurvePoint(codes, v, t, np.array([t, R]), row, time, np.array([d[-1], dR]), (free, lu, pivots, unit))
+    R, dR = (
+        (p.load(t) - p.A_tilde @ v).sum(),
+        p.l_1.sum() * d[-1] - p.A_tilde[free].sum(axis=1) @ d[:-1],
+    )
+    return CurvePoint(
+        codes, v, t, np.array([t, R]), row, time, np.array([d[-1], dR]), (free, lu, pivots, unit)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,16 +152,22 @@ class SmoothPath:
         """(K, m) pieces of the law itself on all sides, as in `CurvePoint`."""
         u = self.path.u
         return np.where(
-            self.path.slipping, 2 * self.law.piece(0.5 * (u[1:] + u[:-1])), 2 * self.law.nearest_kink(u[1:]) + 1
+            self.path.slipping,
+            2 * self.law.piece(0.5 * (u[1:] + u[:-1])),
+            2 * self.law.nearest_kink(u[1:]) + 1,
         )
 
-    def at(self, side: int, coordinate: Coordinate, s: float, v: Array, t: float) -> CurvePoint | None:
-        """The point of a coordinate s beside a side; None if Newton's method from (v, t) ends nowhere."""
+    def at(
+        self, side: int, coordinate: Coordinate, s: float, v: Array, t: float
+    ) -> CurvePoint | None:
+        """The point of a coordinate s beside a side; None if Newton's method from (v, t) ends
+        nowhere."""
         found = on_curve(self.path.problem, self.law, self.codes[side], coordinate, s, v, t)
         return found and replace(found, side=side)
 
     def least(self, side: int, share: float, goal: Goal) -> CurvePoint:
-        """Where the goal is least near a place of the polygon. Raises ValueError if the curve is not found there."""
+        """Where the goal is least near a place of the polygon. Raises ValueError if the curve is
+        not found there."""
 
         def slope(point: CurvePoint) -> float:
             return float(goal(point.x) @ point.first)
@@ -142,7 +178,9 @@ class SmoothPath:
             sense = -int(np.sign(slope(point)))
             corner = self.vertex(point.side + (sense > 0), point.side)
             end, after = self.beside(point.side, corner.v, corner.t), point.side + sense
-            if sense * (end.s - point.s) < 0.0:  # the curve has its corner before the polygon has it
+            if (
+                sense * (end.s - point.s) < 0.0
+            ):  # the curve has its corner before the polygon has it
                 point = end
                 continue
             if sense * slope(end) >= 0.0:
@@ -178,7 +216,9 @@ class SmoothPath:
                     return replace(found, kink=int(kinks[node]))
         return self._found(None if np.any(changed) else self.beside(side, u, t))
 
-    def _zero(self, slope: Callable[[CurvePoint], float], one: CurvePoint, other: CurvePoint) -> CurvePoint:
+    def _zero(
+        self, slope: Callable[[CurvePoint], float], one: CurvePoint, other: CurvePoint
+    ) -> CurvePoint:
         """Where a slope changes its sign between two points of a side."""
         known = {point.s: point for point in (one, other)}
 
@@ -194,12 +234,13 @@ class SmoothPath:
 
 
 def fold_beside(path: Path, law: Laws, slip: float) -> tuple[float, Array] | None:
-    """(t, v) where the law itself folds near the end of a path on straight pieces, the last one not stable; or None.
+    """(t, v) where the law itself folds near the end of a path on straight pieces, the last one not
+    stable; or None.
 
-    Straight pieces fold at one of their own corners, a little before or after the curve does, and what a jump releases
-    is of first order in that. One beyond t = 1, the end of a step, is none: that is the end of the step then, on the
-    stable side. What is found is a fold only if it is a solution, all nodes considered.
-    slip: over which b changes [m]
+    Straight pieces fold at one of their own corners, a little before or after the curve does, and
+    what a jump releases is of first order in that. One beyond t = 1, the end of a step, is none:
+    that is the end of the step then, on the stable side. What is found is a fold only if it is a
+    solution, all nodes considered. slip: over which b changes [m]
     """
     p, curve, last = path.problem, SmoothPath(path, law), path.pieces - 1
     before = max(last - 1, 0)

@@ -1,18 +1,24 @@
-"""A point on the path, the cell it is in, the way to the cell's boundary, and the next cell; and where a walk begins.
+"""A point on the path, the cell it is in, the way to the cell's boundary, and the next cell; and
+where a walk begins.
 
-In working units: stiffness divided by its mean diagonal, so that forces c·(ξ/c) and slips have the same unit, and t
-times a power of two, τ, so that the load per τ is about 1. `x` (m + 1,) holds the coordinate of every node that moves
-in the present cell, u_i of a free node, the force of one on a vertical side, and τ last: the end of the range of t is
-the end of its piece. One node at its bound goes on into the next piece of its graph in the same sense, whatever t does:
-a fold is nothing special.
+In working units: stiffness divided by its mean diagonal, so that forces c·(ξ/c) and slips have the
+same unit, and t times a power of two, τ, so that the load per τ is about 1. `x` (m + 1,) holds the
+coordinate of every node that moves in the present cell, u_i of a free node, the force of one on a
+vertical side, and τ last: the end of the range of t is the end of its piece. One node at its bound
+goes on into the next piece of its graph in the same sense, whatever t does: a fold is nothing
+special.
 
-Several at once (ties) are a `Corner`. The cells around it form a cone in which each of these nodes is on the near side
-of its kink, where it came from, or on the far one.
-  1. All go over together. If the nodes are exchanged by a symmetry of the problem this is always the continuation
+Several at once (ties) are a `Corner`. The cells around it form a cone in which each of these nodes
+is on the near side of its kink, where it came from, or on the far one.
+  1. All go over together. If the nodes are exchanged by a symmetry of the problem this is always
+    the continuation
      (in the symmetric problem it is one event), and so a symmetric branch is kept.
-  2. Otherwise each gets its own time of arrival. This is a perturbation of the load for which the events come one by
-     one; in the cone it need not be small. The perturbed path enters along the present ray, visits each cell at most
-     once and leaves along another ray, which is a continuation of the unperturbed path. It cannot cycle.
+  2. Otherwise each gets its own time of arrival. This is a perturbation of the load for which the
+    events come one by
+     one; in the cone it need not be small. The perturbed path enters along the present ray, visits
+     each cell at most
+     once and leaves along another ray, which is a continuation of the unperturbed path. It cannot
+     cycle.
 """
 
 from __future__ import annotations
@@ -32,16 +38,18 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 TIE, BLURS, LARGEST_TIE = 1e-12, 64.0, 1e-9
-"""Nodes this close to their bound, relative to slip and traction there, reach it together with the first one, or as
-close as rounding lets their place be known: so many times ScaledBody.blur, as the motion is nearly singular where a
-whole zone reaches its bounds at once; whatever rounding is, nodes farther than the last have not reached theirs."""
+"""Nodes this close to their bound, relative to slip and traction there, reach it together with the
+first one, or as close as rounding lets their place be known: so many times ScaledBody.blur, as the
+motion is nearly singular where a whole zone reaches its bounds at once; whatever rounding is, nodes
+farther than the last have not reached theirs."""
 
 DRIFTED = 1e3
 """How many times farther than a tie nodes are looked at again, with the point corrected first."""
 
 CRAWLS = 1e-4
-"""A node slower than this part of the fastest one hardly knows its place on the path: a corrected point is not held
-where that node has reached its bound, or rounding of its coordinate would move the point along the path."""
+"""A node slower than this part of the fastest one hardly knows its place on the path: a corrected
+point is not held where that node has reached its bound, or rounding of its coordinate would move
+the point along the path."""
 
 
 class Ray(NamedTuple):
@@ -53,14 +61,20 @@ class Ray(NamedTuple):
 
 
 class Walk:
-    """The present cell with its bounds and linear algebra, the present point, and the direction of travel.
+    """The present cell with its bounds and linear algebra, the present point, and the direction of
+    travel.
 
     codes: (m,) piece of every node;  x: (m + 1,) moving coordinates;  dx: (m + 1,) direction, its length has no meaning
     basis: that of another walk on the same body may be taken over
     """
 
     def __init__(
-        self, problem: ParametricProblem, codes: Codes, x: Array, t: float, basis: BasisInverse | None = None
+        self,
+        problem: ParametricProblem,
+        codes: Codes,
+        x: Array,
+        t: float,
+        basis: BasisInverse | None = None,
     ) -> None:
         body, graph = problem.body, problem.graph
         self.problem, self.graph, self.m = problem, graph, problem.m
@@ -68,10 +82,17 @@ class Walk:
         self.weight, self.diagonal = problem.c / body.stiffness, np.diagonal(body.A)
         self.slip = problem.traction_scale * self.weight / self.diagonal
         self.usual_tie = self.tie = max(TIE, min(BLURS * body.blur, LARGEST_TIE))
-        load, free, k = problem.l_1 / (self.size * body.stiffness), graph.free[codes], self.weight * graph.slope[codes]
+        load, free, k = (
+            problem.l_1 / (self.size * body.stiffness),
+            graph.free[codes],
+            self.weight * graph.slope[codes],
+        )
         self.codes, self.free, self.kink = codes.copy(), free, graph.kink[codes]
         unit, self.x = np.where(free, 1.0, self.weight), np.append(x, t * self.size)
-        self.low, self.high = np.append(graph.low[codes] * unit, -np.inf), np.append(graph.high[codes] * unit, np.inf)
+        self.low, self.high = (
+            np.append(graph.low[codes] * unit, -np.inf),
+            np.append(graph.high[codes] * unit, np.inf),
+        )
         if basis is None:
             basis = BasisInverse(body.A, load, free, k)
         elif not np.array_equal(basis.load, load):
@@ -88,7 +109,8 @@ class Walk:
             self.turn()
 
     def place(self, nodes: Index, codes: Codes) -> None:
-        """Put nodes on other pieces, at the kinks where they stand; the sense of travel has no meaning any more."""
+        """Put nodes on other pieces, at the kinks where they stand; the sense of travel has no
+        meaning any more."""
         for i, code in zip(nodes.tolist(), codes.tolist(), strict=True):
             if code != self.codes[i]:
                 self._put(i, code)
@@ -96,7 +118,8 @@ class Walk:
         self.head()
 
     def go_over(self, i: int, code: int) -> None:
-        """Node i goes over to another piece, in the same sense along its graph. Raises SingularCellError."""
+        """Node i goes over to another piece, in the same sense along its graph. Raises
+        SingularCellError."""
         ahead = self.dx[i] * float(self.graph.sense[self.codes[i]]) * float(self.graph.sense[code])
         self._put(i, code)
         self.basis.place(i, self.free.item(i), self.weight.item(i) * self.graph.slope.item(code))
@@ -106,10 +129,22 @@ class Walk:
             self.turn()
 
     def _put(self, i: int, code: int) -> None:
-        g, old, free, weight = self.graph, self.codes.item(i), self.graph.free.item(code), self.weight.item(i)
-        kink = self.kink.item(i) if not self.free[i] else self.x.item(i) if free else g.kink.item(code)
-        # onto a vertical side: the traction it begins with is that of the segment the node comes from
-        x = kink if free else weight * (g.start.item(old) + g.slope.item(old) * (kink - g.anchor.item(old)))
+        g, old, free, weight = (
+            self.graph,
+            self.codes.item(i),
+            self.graph.free.item(code),
+            self.weight.item(i),
+        )
+        kink = (
+            self.kink.item(i) if not self.free[i] else self.x.item(i) if free else g.kink.item(code)
+        )
+        # onto a vertical side: the traction it begins with is that of the segment the node comes
+        # from
+        x = (
+            kink
+            if free
+            else weight * (g.start.item(old) + g.slope.item(old) * (kink - g.anchor.item(old)))
+        )
         unit = 1.0 if free else weight
         low, high = g.low.item(code) * unit, g.high.item(code) * unit
         self.codes[i], self.free[i], self.kink[i] = code, free, g.kink.item(code)
@@ -141,13 +176,20 @@ class Walk:
 
     @property
     def stable(self) -> bool:
-        """Strict local minimum: positive definite on the free nodes, nobody inside a down-jump, t not at rest."""
-        return self.dx[self.m] != 0.0 and self.basis.negatives == 0 and self.graph.sense[self.codes].min() > 0
+        """Strict local minimum: positive definite on the free nodes, nobody inside a down-jump, t
+        not at rest."""
+        return (
+            self.dx[self.m] != 0.0
+            and self.basis.negatives == 0
+            and self.graph.sense[self.codes].min() > 0
+        )
 
     def points(self, x: Array, codes: Codes) -> tuple[Array, Array, Array, Array]:
-        """t (), u (m,), ξ/c (m,) and l̃ − Ãu − ξ (m,) from coordinates and pieces, or as many rows of each.
+        """t (), u (m,), ξ/c (m,) and l̃ − Ãu − ξ (m,) from coordinates and pieces, or as many rows
+        of each.
 
-        What a piece does not have is 0 in its row, so that sums take the place of choices, which are slow.
+        What a piece does not have is 0 in its row, so that sums take the place of choices, which
+        are slow.
         """
         p, g, t = self.problem, self.graph, x[..., -1] / self.size
         moves = g.free[codes].astype(float)
@@ -167,7 +209,8 @@ class Walk:
         return np.asarray((np.abs(self.u) + self.slip) * np.where(self.free, 1.0, self.diagonal))
 
     def gaps(self) -> Array:
-        """(m,) distance of every node from its nearer bound, relative to slip and traction there."""
+        """(m,) distance of every node from its nearer bound, relative to slip and traction
+        there."""
         return np.asarray(np.minimum(self.high - self.x, self.x - self.low)[:-1] / self.scale)
 
     def at_bound(self) -> Index:
@@ -190,7 +233,8 @@ class Walk:
         return max(0.0, steps.item(first)), first
 
     def arrive(self, step: float, first: int) -> Index:
-        """Advance by `step`; nodes that have reached a bound (or rested on one) are put on it and returned.
+        """Advance by `step`; nodes that have reached a bound (or rested on one) are put on it and
+        returned.
 
         first: the coordinate that comes to its bound first
         """
@@ -208,13 +252,15 @@ class Walk:
         near = gaps <= self.tie
         near[first] = True
         upper = (self.high - self.x < self.x - self.low)[:-1]
-        near &= ~np.where(upper, self.dx[:-1] < 0.0, self.dx[:-1] > 0.0)  # from a bound it has only just left
+        near &= ~np.where(
+            upper, self.dx[:-1] < 0.0, self.dx[:-1] > 0.0
+        )  # from a bound it has only just left
         self.snap(at := np.flatnonzero(near))
         return at
 
     def correct(self, at: Index) -> None:
-        """One correction of the present point, held where the fastest of the coordinates `at` is, or the fastest of
-        all where that is slow; t is held where `at` is t alone."""
+        """One correction of the present point, held where the fastest of the coordinates `at` is,
+        or the fastest of all where that is slow; t is held where `at` is t alone."""
         moved, speed = self.basis.moved(self.defect / self.problem.body.stiffness), np.abs(self.dx)
         lead = int(speed.argmax())
         own = int(at[speed[at].argmax()]) if len(at) else lead
@@ -224,8 +270,8 @@ class Walk:
         self.x += moved
 
     def balance(self) -> None:
-        """The same, held where nodes are on bounds: one that only bends there may move off it by rounding, one at a
-        jump stays on it."""
+        """The same, held where nodes are on bounds: one that only bends there may move off it by
+        rounding, one at a jump stays on it."""
         g, nodes, x = self.graph, self.at_bound(), self.x.copy()
         self.correct(nodes)
         codes = self.codes[nodes]
@@ -235,7 +281,8 @@ class Walk:
 
 
 ALONE, MOST_TURNS = 3, 12
-"""How often the node that wishes otherwise most is moved to the other side of its kink, and until when all are."""
+"""How often the node that wishes otherwise most is moved to the other side of its kink, and until
+when all are."""
 
 
 class Corner:
@@ -254,7 +301,8 @@ class Corner:
         self.out = np.stack([-ahead, ahead * g.sense[near] * g.sense[far]])
 
     def enter(self, far: Flags) -> Array:
-        """To the cell with these nodes on the far side; (n,) speeds at which they leave their kinks into it."""
+        """To the cell with these nodes on the far side; (n,) speeds at which they leave their kinks
+        into it."""
         self.walk.place(self.nodes, np.where(far, self.codes[1], self.codes[0]))
         return np.asarray(np.where(far, self.out[1], self.out[0]) * self.walk.dx[self.nodes])
 
@@ -270,7 +318,8 @@ class Corner:
         return bool(np.all(speeds >= 0.0) and np.any(speeds > 0.0))
 
     def around(self, dx: Array, resting: bool = False) -> None:
-        """Rule 2 of the module: follow the perturbed path around the corner until it leaves along a ray.
+        """Rule 2 of the module: follow the perturbed path around the corner until it leaves along a
+        ray.
 
         dx:      along which the path comes in, all nodes on the near side
         resting: begin at a point in the cone instead of far out on that ray; followed in both directions from there
@@ -299,7 +348,8 @@ class Corner:
 
 
 def cross(walk: Walk, at: Index) -> None:
-    """Continue beyond the vertex where the nodes `at` stand on their bounds; raises SingularCellError."""
+    """Continue beyond the vertex where the nodes `at` stand on their bounds; raises
+    SingularCellError."""
     if len(at) == 1:
         i, code = int(at[0]), walk.codes[at[0]]
         after = walk.graph.after_high if walk.x[i] == walk.high[i] else walk.graph.after_low
@@ -312,10 +362,11 @@ def cross(walk: Walk, at: Index) -> None:
 
 
 def rays(walk: Walk) -> tuple[Ray, Ray]:
-    """(forward, backward) ways out of the start; forward is the one along which t grows, if only one does.
+    """(forward, backward) ways out of the start; forward is the one along which t grows, if only
+    one does.
 
-    Where nodes stand on their bounds those ways are preferred on which they all keep together, as a symmetric solution
-    wants it. Raises SingularCellError if there is none.
+    Where nodes stand on their bounds those ways are preferred on which they all keep together, as a
+    symmetric solution wants it. Raises SingularCellError if there is none.
     """
     corner = Corner(walk)
     near = np.zeros(len(corner.nodes), dtype=bool)
@@ -339,13 +390,15 @@ def outward(walk: Walk) -> Ray:
 
 
 def onward(walk: Walk) -> Ray | None:
-    """The stable way on which t grows, from the walk's pieces and those beside them; None if none is found.
+    """The stable way on which t grows, from the walk's pieces and those beside them; None if none
+    is found.
 
-    Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along. Where some
-    wish otherwise than guessed the one that does most is moved first (mostly it alone has turned back, and to move all
-    would upset a whole zone), then all at once (the semismooth Newton method for this linear complementarity problem).
-    With a definite matrix on all sides there is one answer. Where nodes push each other on (cells longer than the strip
-    is high) all at once may go round in a circle: the energy of the rates is descended then.
+    Every node that stands on a bound goes on on its piece or on the next one, whichever it then
+    moves along. Where some wish otherwise than guessed the one that does most is moved first
+    (mostly it alone has turned back, and to move all would upset a whole zone), then all at once
+    (the semismooth Newton method for this linear complementarity problem). With a definite matrix
+    on all sides there is one answer. Where nodes push each other on (cells longer than the strip is
+    high) all at once may go round in a circle: the energy of the rates is descended then.
     """
     corner = Corner(walk)
     far = np.zeros(len(corner.nodes), dtype=bool)
@@ -364,11 +417,12 @@ def onward(walk: Walk) -> Ray | None:
 
 
 REMEMBERED = 1e-10
-"""Where a node is said to go on from where two pieces meet it stands there, as exactly as a solution is accepted."""
+"""Where a node is said to go on from where two pieces meet it stands there, as exactly as a
+solution is accepted."""
 
 NEAR = 1e-8
-"""A given solution may miss the exact one by this much, relative to slip and traction, or by what rounding of its
-residual allows if that is more; it is corrected."""
+"""A given solution may miss the exact one by this much, relative to slip and traction, or by what
+rounding of its residual allows if that is more; it is corrected."""
 
 
 class NoSolutionError(ValueError):
@@ -376,7 +430,11 @@ class NoSolutionError(ValueError):
 
 
 def locate(
-    problem: ParametricProblem, v: Array, t: float, ways: Array | None = None, basis: BasisInverse | None = None
+    problem: ParametricProblem,
+    v: Array,
+    t: float,
+    ways: Array | None = None,
+    basis: BasisInverse | None = None,
 ) -> Walk:
     """A walk at the solution v of parameter t, corrected to rounding.
 
@@ -390,17 +448,23 @@ def locate(
     for _ in range(20):
         walk = Walk(problem, codes, np.where(graph.free[codes], v, force), t, basis)
         basis, tie = walk.basis, walk.tie if ways is None else max(walk.tie, REMEMBERED)
-        for _ in range(3 if walk.dx[m] != 0.0 else 0):  # where t is at rest no correction at fixed t exists
+        for _ in range(
+            3 if walk.dx[m] != 0.0 else 0
+        ):  # where t is at rest no correction at fixed t exists
             walk.correct(np.array([m]))
         outside = walk.gaps() < -tie
         if not np.any(outside):
             break
-        after = np.where(walk.x[:m] > walk.high[:m], graph.after_high[codes], graph.after_low[codes])
+        after = np.where(
+            walk.x[:m] > walk.high[:m], graph.after_high[codes], graph.after_low[codes]
+        )
         codes = np.where(outside, after, codes)
     u, residual, rounding = walk.u, at_t.inclusion_residual(v), problem.xi_rounding(t, v)
     moved = np.max(np.abs(u - v) / (np.abs(u) + walk.slip), initial=0.0)
     missed = np.max(np.abs(walk.defect) / problem.c) / problem.traction_scale
-    near = (moved <= 1e3 * NEAR or residual <= rounding) and missed <= max(NEAR, Acceptance().limit(rounding))
+    near = (moved <= 1e3 * NEAR or residual <= rounding) and missed <= max(
+        NEAR, Acceptance().limit(rounding)
+    )
     if not near or np.any(outside):
         raise NoSolutionError(
             f"the start is no solution at t = {t:g}: inclusion residual {residual:.1e}; "
@@ -411,7 +475,8 @@ def locate(
 
 
 def _codes(problem: ParametricProblem, v: Array, t: float, ways: Array | None) -> Codes:
-    """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the segment of v_i.
+    """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the
+    segment of v_i.
 
     Where two pieces meet, the one in the sense of `ways`, without it that of v_i beside the kink.
     """
@@ -422,7 +487,10 @@ def _codes(problem: ParametricProblem, v: Array, t: float, ways: Array | None) -
         return codes
     near = law.nearest_kink(v)
     kink, (left, right) = law.kink(near), law.limits(near)
-    slip, margin = problem.traction_scale * problem.c / np.diagonal(problem.A_tilde), NEAR * problem.traction_scale
+    slip, margin = (
+        problem.traction_scale * problem.c / np.diagonal(problem.A_tilde),
+        NEAR * problem.traction_scale,
+    )
     on = np.isfinite(kink) & (np.abs(v - kink) <= NEAR * (np.abs(v) + slip))
     side = np.where(on, 2 * near + 1 - row, codes).astype(np.int32)
     jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
@@ -430,5 +498,9 @@ def _codes(problem: ParametricProblem, v: Array, t: float, ways: Array | None) -
     along = np.sign(right - left) * (problem.at(t).xi(v) / problem.c - left)  # from 0 to the height
     way = np.sign(v - kink) if ways is None else np.where(ways < 0.0, -1.0, 1.0)
     to_left = np.where(jumps, (along < -margin) | ((along <= margin) & (way < 0.0)), way < 0.0)
-    to_right = np.where(jumps, (along > height + margin) | ((along >= height - margin) & (way > 0.0)), way >= 0.0)
-    return np.where(on, np.where(to_left, side - 1, np.where(to_right, side + 1, side)), codes).astype(np.int32)
+    to_right = np.where(
+        jumps, (along > height + margin) | ((along >= height - margin) & (way > 0.0)), way >= 0.0
+    )
+    return np.where(
+        on, np.where(to_left, side - 1, np.where(to_right, side + 1, side)), codes
+    ).astype(np.int32)

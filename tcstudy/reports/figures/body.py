@@ -1,4 +1,5 @@
-"""The panel of the body: deformed, coloured with a field, its edges drawn by their roles, named, hatched where held."""
+"""The panel of the body: deformed, coloured with a field, its edges drawn by their roles, named,
+hatched where held."""
 
 from __future__ import annotations
 
@@ -57,17 +58,23 @@ class Drawn:
 
 
 def exaggeration(xy: Array, u: Array) -> float:
-    """A factor 1, 2 or 5 times a power of ten that makes displacements u (…, n, 2) visible; 1 for a body at rest."""
+    """A factor 1, 2 or 5 times a power of ten that makes displacements u (…, n, 2) visible; 1 for a
+    body at rest."""
     largest = float(np.hypot(u[..., 0], u[..., 1]).max())
     if largest == 0.0:
         return 1.0
     wanted = SHOWN * math.hypot(*np.ptp(xy, axis=0)) / largest
     power = 10.0 ** math.floor(math.log10(wanted))
-    return float(f"{max(step for step in (1, 2, 5) if step == 1 or step * power <= wanted) * power:.1g}")
+    return float(
+        f"{max(step for step in (1, 2, 5) if step == 1 or step * power <= wanted) * power:.1g}"
+    )
 
 
-def drawn(body: BodyFields, length_units: str, widest: float, highest: float, factor: float | None = None) -> Drawn:
-    """Scale a body to its panel, at most so wide and high [inch]; factor: of displacements, None for one that suits."""
+def drawn(
+    body: BodyFields, length_units: str, widest: float, highest: float, factor: float | None = None
+) -> Drawn:
+    """Scale a body to its panel, at most so wide and high [inch]; factor: of displacements, None
+    for one that suits."""
     factor = exaggeration(body.xy, body.u) if factor is None else factor
     axis = scale("", np.ptp(body.xy, axis=0), length_units)
     still, moved = axis(body.xy), axis(body.xy + factor * body.u)
@@ -80,7 +87,8 @@ def drawn(body: BodyFields, length_units: str, widest: float, highest: float, fa
 
 @dataclass(frozen=True)
 class Field:
-    """What the body is coloured with: triangles and values (n,) at their nodes of each part, and what is said of it."""
+    """What the body is coloured with: triangles and values (n,) at their nodes of each part, and
+    what is said of it."""
 
     name: str
     units: str
@@ -95,26 +103,37 @@ class Field:
 
 
 def field_of(picture: Picture, name: str | None) -> Field | None:
-    """The field of a name of COMPONENTS, a displacement u_x or u_y, or else the temperature, None where there is none.
+    """The field of a name of COMPONENTS, a displacement u_x or u_y, or else the temperature, None
+    where there is none.
 
     Raises DrawError.
     """
     body = picture.body
     if body is None:
         if name is not None:
-            raise DrawError("of: the run kept no fields of the body; run it again with output.fields: true")
+            raise DrawError(
+                "of: the run kept no fields of the body; run it again with output.fields: true"
+            )
         return None
     if name in (None, "theta"):
         found = (body.triangles, body.theta) if body.theta is not None else None
         return found and Field("temperature θ", body.theta_units, (found,))
     if name in ("u_x", "u_y"):
-        return Field(name, picture.line.length_units, ((body.triangles, body.u[:, "xy".index(name[-1])]),))
+        return Field(
+            name, picture.line.length_units, ((body.triangles, body.u[:, "xy".index(name[-1])]),)
+        )
     if name not in COMPONENTS:
-        raise DrawError(f"of: the body has no field {name!r}; it has theta, u_x, u_y, {', '.join(COMPONENTS)}")
+        raise DrawError(
+            f"of: the body has no field {name!r}; it has theta, u_x, u_y, {', '.join(COMPONENTS)}"
+        )
     if picture.scene is None:
-        raise DrawError("the study in the file cannot be read any more, so its materials are not known")
+        raise DrawError(
+            "the study in the file cannot be read any more, so its materials are not known"
+        )
     (label, component), (sigma, error) = COMPONENTS[name], recovered(body, picture.scene.material)
-    parts = tuple((body.triangles[body.region == k], component(sigma[k])) for k in np.unique(body.region))
+    parts = tuple(
+        (body.triangles[body.region == k], component(sigma[k])) for k in np.unique(body.region)
+    )
     told = f"stress recovered from elements, estimated error {number(100.0 * error, 2)} %"
     return Field(label, picture.line.traction_units, parts, told)
 
@@ -123,14 +142,20 @@ Named = Sequence[tuple[list[Array], NamedEdge]]
 """Edges and the lines that they are drawn as."""
 
 
-def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: Field | None) -> Named:
-    """Fill the panel and put the colour bar of the field to its right; returns the edges that are not free."""
+def draw_body(
+    sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: Field | None
+) -> Named:
+    """Fill the panel and put the colour bar of the field to its right; returns the edges that are
+    not free."""
     body = picture.body
     assert body is not None
     axes.set(xlabel=f"x{shape.axis.label}", ylabel=f"y{shape.axis.label}")
     axes.set_aspect("equal", adjustable="datalim")
     said = _fill(sheet, axes, shape, body, field)
-    axes.set_title(style.math(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}"), loc="left")
+    axes.set_title(
+        style.math(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}"),
+        loc="left",
+    )
     if len(body.triangles) <= FINE:
         axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
     dashes: dict[str, Any] = {"alpha": 0.6, "linewidth": 0.9, "linestyle": (0, (5, 3))}
@@ -138,13 +163,24 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: F
     draw_lines(axes, polylines(shape.moved[shape.rim]), color=style.INK, linewidth=1.0)
     for k in np.unique(body.region)[1:]:
         own = body.triangles[body.region == k]
-        draw_lines(axes, polylines(shape.moved[boundary_edges(body.xy, own)]), color=style.INK, linewidth=0.7)
+        draw_lines(
+            axes,
+            polylines(shape.moved[boundary_edges(body.xy, own)]),
+            color=style.INK,
+            linewidth=0.7,
+        )
     edges = [*edge_lines(picture, shape)]
     for lines, edge in edges:
         draw_edge(axes, lines, ROLES[edge.role], edge.role == "clamped", shape.per_inch)
         if edge.role == "contact":  # an arrow in the direction of the arclength
             (at,), (along,) = evenly(max(lines, key=length_of), 1)
-            look = {"arrowstyle": "-|>", "color": style.BLUE, "mutation_scale": 16, "shrinkA": 0, "shrinkB": 0}
+            look = {
+                "arrowstyle": "-|>",
+                "color": style.BLUE,
+                "mutation_scale": 16,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
             axes.annotate("", tuple(at + 0.1 * shape.per_inch * along), tuple(at), arrowprops=look)
     for places in (_moved(shape, body, source) for source in picture.sources):
         axes.plot(*places.T, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
@@ -173,10 +209,18 @@ def name_body(axes: Axes, picture: Picture, shape: Drawn, edges: Named) -> None:
         words = edge.name if contact else edge_words(edge)
         text = words if style.LETTER * len(words) <= length_of(line) / shape.per_inch else edge.name
         look = {"color": ROLES[edge.role]["color"], "fontweight": "bold" if contact else "normal"}
-        beside_line(labels, line, text, upright=bool(np.ptp(line[:, 0]) < np.ptp(line[:, 1])), **look)
+        beside_line(
+            labels, line, text, upright=bool(np.ptp(line[:, 0]) < np.ptp(line[:, 1])), **look
+        )
     names = [name for name, _ in picture.scene.material.regions] if picture.scene else []
-    said = [(name, shape.moved[body.triangles[body.region == k].ravel()]) for k, name in enumerate(names, 1)]
-    for text, places in [*said, *(("heated", _moved(shape, body, source)) for source in picture.sources)]:
+    said = [
+        (name, shape.moved[body.triangles[body.region == k].ravel()])
+        for k, name in enumerate(names, 1)
+    ]
+    for text, places in [
+        *said,
+        *(("heated", _moved(shape, body, source)) for source in picture.sources),
+    ]:
         if len(places):
             labels.put(text, places.mean(axis=0)[None], [[0.0, 0.0]], loose=True)
 
@@ -189,7 +233,8 @@ def beside_line(labels: Labels, line: Array, text: str, upright: bool = False, *
 
 
 def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field | None) -> str:
-    """Colour the body in bands between round values, with a bar; or evenly, and return what there is to say."""
+    """Colour the body in bands between round values, with a bar; or evenly, and return what there
+    is to say."""
     from matplotlib.colors import ListedColormap
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
@@ -197,16 +242,33 @@ def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field
     x, y = shape.moved.T
     low, high = field.ends if field else (0.0, 0.0)
     if field is None or high - low <= UNIFORM * max(abs(low), abs(high)):
-        colours = FILLS if field is None and body.region.any() else [style.EVEN if field else style.SHADE]
+        colours = (
+            FILLS if field is None and body.region.any() else [style.EVEN if field else style.SHADE]
+        )
         shown = body.region % len(colours)
-        axes.tripcolor(x, y, body.triangles, facecolors=shown, cmap=ListedColormap(colours), vmax=len(colours) - 0.5)
+        axes.tripcolor(
+            x,
+            y,
+            body.triangles,
+            facecolors=shown,
+            cmap=ListedColormap(colours),
+            vmax=len(colours) - 0.5,
+        )
         if field is None:
             return ""
         symbol = field.name.rpartition(" ")[2]
-        return f",  {symbol} = {number(0.5 * (low + high))} {pretty(field.units)}".rstrip() + " everywhere"
+        return (
+            f",  {symbol} = {number(0.5 * (low + high))} {pretty(field.units)}".rstrip()
+            + " everywhere"
+        )
     axis = scale(field.name, [low, high], field.units)
-    bands = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10]).tick_values(low / axis.one, high / axis.one)
-    how: dict[str, Any] = {"levels": bands, "cmap": style.HEAT if low >= 0.0 or not field.told else style.SIGNED}
+    bands = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10]).tick_values(
+        low / axis.one, high / axis.one
+    )
+    how: dict[str, Any] = {
+        "levels": bands,
+        "cmap": style.HEAT if low >= 0.0 or not field.told else style.SIGNED,
+    }
     for triangles, values in field.parts:
         filled = axes.tricontourf(Triangulation(x, y, triangles), axis(values), **how)
     sheet.bar(axes, filled, axis.label)
@@ -214,7 +276,9 @@ def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field
 
 
 def edge_words(edge: NamedEdge) -> str:
-    return f"{edge.name}: {edge.role}" + (", traction" if edge.loaded and edge.role != "traction" else "")
+    return f"{edge.name}: {edge.role}" + (
+        ", traction" if edge.loaded and edge.role != "traction" else ""
+    )
 
 
 def _moved(shape: Drawn, body: BodyFields, ring: Array) -> Array:
@@ -231,11 +295,14 @@ def boundary_edges(xy: Array, triangles: Indices) -> Indices:
     area = np.linalg.det(np.stack([b - a, c - a], axis=-1))
     t = np.where((area < 0.0)[:, None], triangles[:, ::-1], triangles)
     edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, count = np.unique(
+        np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
+    )
     return edges[first[count == 1]]
 
 
-# -- edges -------------------------------------------------------------------------------------------------------------
+# -- edges
+# -------------------------------------------------------------------------------------------------------------
 
 ROLES: dict[str, dict[str, Any]] = {
     "clamped": {"color": style.INK, "linewidth": 2.2},
@@ -258,7 +325,8 @@ APART = (7.0, 14.0, 20.0, 33.0, 46.0, -7.0, -28.0)
 
 
 def polylines(segments: Array) -> list[Array]:
-    """Lines (n, 2) of straight pieces (k, 2, 2) that lead on to each other; a ring ends where it begins."""
+    """Lines (n, 2) of straight pieces (k, 2, 2) that lead on to each other; a ring ends where it
+    begins."""
     merged = shapely.line_merge(shapely.multilinestrings(segments), directed=True)
     return [shapely.get_coordinates(one) for one in shapely.get_parts(merged)]
 
@@ -274,12 +342,15 @@ def outside(along: Array) -> Array:
 
 
 def evenly(line: Array, count: int) -> tuple[Array, Array]:
-    """Places (count, 2) evenly spread along a line, the middle if it is one, and its direction there."""
+    """Places (count, 2) evenly spread along a line, the middle if it is one, and its direction
+    there."""
     step = np.diff(line, axis=0)
     upto = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
     at = (np.arange(count) + 0.5) / count * upto[-1]
     along = step[np.searchsorted(upto, at) - 1]
-    return np.column_stack([np.interp(at, upto, x) for x in line.T]), along / np.hypot(*along.T)[:, None]
+    return np.column_stack([np.interp(at, upto, x) for x in line.T]), along / np.hypot(*along.T)[
+        :, None
+    ]
 
 
 def draw_lines(axes: Axes, lines: Sequence[Array], **how: Any) -> None:
@@ -288,13 +359,18 @@ def draw_lines(axes: Axes, lines: Sequence[Array], **how: Any) -> None:
     axes.plot(*np.concatenate([part for line in lines for part in (line, gap)]).T, **how)
 
 
-def draw_edge(axes: Axes, lines: Sequence[Array], how: dict[str, Any], held: bool, inch: float = 1.0) -> list[Array]:
-    """Draw an edge, hatched outside where it is held; inch: what is one of the axes. Returns ends of the hatches."""
+def draw_edge(
+    axes: Axes, lines: Sequence[Array], how: dict[str, Any], held: bool, inch: float = 1.0
+) -> list[Array]:
+    """Draw an edge, hatched outside where it is held; inch: what is one of the axes. Returns ends
+    of the hatches."""
     draw_lines(axes, lines, solid_capstyle="butt", zorder=3, **how)
     ticks = list[Array]()
     for line in lines if held else ():
         starts, along = evenly(line, round(length_of(line) / (HATCH * inch)))
-        ticks += [*np.stack([starts, starts + 0.7 * HATCH * inch * (outside(along) - along)], axis=1)]
+        ticks += [
+            *np.stack([starts, starts + 0.7 * HATCH * inch * (outside(along) - along)], axis=1)
+        ]
     if ticks:
         draw_lines(axes, ticks, color=style.INK, linewidth=0.7, zorder=3)
     return [tick[1:] for tick in ticks]

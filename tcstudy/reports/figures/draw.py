@@ -1,4 +1,5 @@
-"""`tcstudy draw`: a picture of a result file of any kind: what may be asked of it are its function's parameters."""
+"""`tcstudy draw`: a picture of a result file of any kind: what may be asked of it are its
+function's parameters."""
 
 from __future__ import annotations
 
@@ -30,14 +31,19 @@ Point = Mapping[str, Value] | None
 
 @contextmanager
 def drawn(
-    file: Path, size: style.Size | None = None, ax: Any = None, panel: str | None = None, **asked: Any
+    file: Path,
+    size: style.Size | None = None,
+    ax: Any = None,
+    panel: str | None = None,
+    **asked: Any,
 ) -> Iterator[tuple[Figure, str, style.Look]]:
-    """The figure of a result file, one line on what it shows, and its looks, in the style in which it must be saved.
+    """The figure of a result file, one line on what it shows, and its looks, in the style in which
+    it must be saved.
 
     asked: as of `tcstudy.draw`; what is None or False is not asked for
 
-    Raises StoreError if `file` is no complete result file, DrawError if it does not have what is wanted or matplotlib
-    is not installed, UsageError for what does not go together.
+    Raises StoreError if `file` is no complete result file, DrawError if it does not have what is
+    wanted or matplotlib is not installed, UsageError for what does not go together.
     """
     kind, remarks = kind_of(file), remarks_of(attributes(file))
     asked = {name: one for name, one in asked.items() if one is not None and one is not False}
@@ -50,7 +56,8 @@ def drawn(
 
 
 def _maker(kind: Kind, asked: Mapping[str, Any]) -> Callable[..., Drawn]:
-    """The function of the picture that is asked for. Raises UsageError for what it does not take, or lacks."""
+    """The function of the picture that is asked for. Raises UsageError for what it does not take,
+    or lacks."""
     by = next((name for name in RUN if name in asked), "") if kind == "run" else ""
     make = RUN[by] if by else KINDS[kind]
     takes = list(signature(make).parameters.values())[2:]
@@ -69,10 +76,14 @@ EXAMPLES = {"y": "y = slip_length", "of": "of = u_T_max"}
 
 def _path(file: Path, look: style.Look, y: str = "mean-slip") -> Drawn:
     data = load_root(file)
-    return path_figure(data, y, look), f"{data.attrs['title']}, path along {data.attrs['parameter']}"
+    return path_figure(
+        data, y, look
+    ), f"{data.attrs['title']}, path along {data.attrs['parameter']}"
 
 
-def _history(file: Path, look: style.Look, at: Point = None, x: str | None = None, y: str | None = None) -> Drawn:
+def _history(
+    file: Path, look: style.Look, at: Point = None, x: str | None = None, y: str | None = None
+) -> Drawn:
     return draw_history(load_root(file), at, x, y, look)
 
 
@@ -88,17 +99,27 @@ def _convergence(file: Path, look: style.Look, at: Point = None) -> Drawn:
 def _cost(file: Path, look: style.Look, y: str | None = None) -> Drawn:
     data = load_root(file)
     name = measure_of(data, y)
-    return cost_figure(data, name, look), f"{SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
+    return cost_figure(
+        data, name, look
+    ), f"{SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
 
 
 def _curves(
-    file: Path, look: style.Look, x: str, y: str, by: str | None = None, at: Point = None, level: int = -1
+    file: Path,
+    look: style.Look,
+    x: str,
+    y: str,
+    by: str | None = None,
+    at: Point = None,
+    level: int = -1,
 ) -> Drawn:
     sweep = read_sweep(file, (x, by) if by else (x,), y, at, level)
     return curves_figure(sweep, look), sweep.words
 
 
-def _map(file: Path, look: style.Look, map: tuple[str, str], of: str, at: Point = None, level: int = -1) -> Drawn:
+def _map(
+    file: Path, look: style.Look, map: tuple[str, str], of: str, at: Point = None, level: int = -1
+) -> Drawn:
     sweep = read_sweep(file, map, of, at, level)
     return map_figure(sweep, look), sweep.words
 
@@ -111,14 +132,24 @@ def _law(file: Path, look: style.Look, law: bool, at: Point = None, level: int =
 
 
 def _profile(
-    file: Path, look: style.Look, along: str | Ends, of: str | None = None, at: Point = None, level: int = -1
+    file: Path,
+    look: style.Look,
+    along: str | Ends,
+    of: str | None = None,
+    at: Point = None,
+    level: int = -1,
 ) -> Drawn:
     point = read_picture(file, at, level)
     return profile_figure(point, look, along, of), f"profile along a line, {point.words}"
 
 
 def _body(
-    file: Path, look: style.Look, of: str | None = None, deform: float | None = None, at: Point = None, level: int = -1
+    file: Path,
+    look: style.Look,
+    of: str | None = None,
+    deform: float | None = None,
+    at: Point = None,
+    level: int = -1,
 ) -> Drawn:
     point = read_picture(file, at, level)
     fields = "" if point.body else " (contact line only: the run kept no fields, see output.fields)"

@@ -1,11 +1,13 @@
-"""Panels of lines and marks, and of cells in colours, as records, and the sheet of any size that they stand on.
+"""Panels of lines and marks, and of cells in colours, as records, and the sheet of any size that
+they stand on.
 
-matplotlib draws them here, the page in its scripts; the third kind is the body (`body`). What is drawn is given in the
-units of the file; an axis counts in the unit that suits its numbers, and says it. What has a label stands in the key of
-the sheet. Looks are those of Axes.plot: color, linewidth, linestyle, marker, markersize, markerfacecolor, alpha.
+matplotlib draws them here, the page in its scripts; the third kind is the body (`body`). What is
+drawn is given in the units of the file; an axis counts in the unit that suits its numbers, and says
+it. What has a label stands in the key of the sheet. Looks are those of Axes.plot: color, linewidth,
+linestyle, marker, markersize, markerfacecolor, alpha.
 
-matplotlib's constrained layout finds the places on the sheet. Heading, facts, titles and labels are wrapped to the room
-that they have: it does not look how long they are.
+matplotlib's constrained layout finds the places on the sheet. Heading, facts, titles and labels are
+wrapped to the room that they have: it does not look how long they are.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scale:
-    """An axis: its label with the unit that it counts in, and what is drawn as 1 [unit of the file]."""
+    """An axis: its label with the unit that it counts in, and what is drawn as 1 [unit of the
+    file]."""
 
     label: str
     one: float = 1.0
@@ -66,7 +69,9 @@ class Panel:
     title: str = ""
     log: tuple[bool, bool] = (False, False)
     grid: bool = False
-    limits: list[tuple[float | None, float | None] | None] = field(default_factory=lambda: [None, None])
+    limits: list[tuple[float | None, float | None] | None] = field(
+        default_factory=lambda: [None, None]
+    )
     ticks: tuple[Any, Any] | None = None
     items: list[tuple[str, Any, Any, dict[str, Any]]] = field(default_factory=list)
 
@@ -83,7 +88,10 @@ class Panel:
 
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, **how: Any) -> None:
         """What lies between two lines."""
-        both = [np.concatenate([np.asarray(one), np.asarray(other)[::-1]]) for one, other in ((x, x), (low, high))]
+        both = [
+            np.concatenate([np.asarray(one), np.asarray(other)[::-1]])
+            for one, other in ((x, x), (low, high))
+        ]
         self.fill(*both, **how)
 
     def across(self, value: float, **how: Any) -> None:
@@ -102,25 +110,38 @@ class Panel:
         else:
             self._add("rows", 0.0, (low, high), look | {"alpha": 0.5})
 
-    def note(self, text: str, at: Sequence[float], shift: tuple[float, float] = (0.0, 0.0), **how: Any) -> None:
+    def note(
+        self, text: str, at: Sequence[float], shift: tuple[float, float] = (0.0, 0.0), **how: Any
+    ) -> None:
         """A text beside a place, or above it at the upper edge (`top`), shifted by (x, y) points.
 
         how: ha, va, fontsize (among usual letters) … as of Axes.annotate
         """
         self._add("note", at[0], at[1], how | {"text": text, "shift": shift})
 
-    def arrow(self, start: Sequence[float], end: Sequence[float], head: float = 12.0, **how: Any) -> None:
+    def arrow(
+        self, start: Sequence[float], end: Sequence[float], head: float = 12.0, **how: Any
+    ) -> None:
         """An arrow with a head so large [pt]."""
         x, y = np.array([start, end], dtype=float).T
         self._add("arrow", x, y, how | {"head": head})
 
     def names(self, x: ArrayLike, y: ArrayLike, texts: Sequence[str]) -> None:
-        """Texts beside dots, each once, where neither another nor the edge is in the way, nor, if it can be, a line."""
+        """Texts beside dots, each once, where neither another nor the edge is in the way, nor, if
+        it can be, a line."""
         self._add("names", x, y, {"texts": list(texts)})
 
-    def cells(self, x: ArrayLike, y: ArrayLike, kinds: Any, colours: Sequence[str], names: Sequence[str]) -> None:
-        """Cells between edges x (n + 1) and y (m + 1), coloured by their kind (n, m); −1 is blank."""
-        self._add("cells", x, y, {"kinds": np.asarray(kinds), "colours": list(colours), "names": list(names)})
+    def cells(
+        self, x: ArrayLike, y: ArrayLike, kinds: Any, colours: Sequence[str], names: Sequence[str]
+    ) -> None:
+        """Cells between edges x (n + 1) and y (m + 1), coloured by their kind (n, m); −1 is
+        blank."""
+        self._add(
+            "cells",
+            x,
+            y,
+            {"kinds": np.asarray(kinds), "colours": list(colours), "names": list(names)},
+        )
 
     def window(self, x: Array, y: Array, room: tuple[float, float] = (0.0, 0.0)) -> None:
         """Show all of x and y, and parts of their ranges beyond."""
@@ -146,16 +167,31 @@ class Panel:
                 case "up" | "columns":
                     (axes.axvline if kind == "up" else axes.axvspan)(*x, **how)
                 case "note":
-                    rest = {key: value for key, value in how.items() if key not in ("text", "shift", "top")}
+                    rest = {
+                        key: value
+                        for key, value in how.items()
+                        if key not in ("text", "shift", "top")
+                    }
                     rest["fontsize"] = style.pt(how.get("fontsize", style.USUAL))
                     if "top" in how:
                         y, rest["xycoords"] = np.array([1.0]), axes.get_xaxis_transform()
                     axes.annotate(
-                        style.math(how["text"]), (x[0], y[0]), how["shift"], textcoords="offset points", **rest
+                        style.math(how["text"]),
+                        (x[0], y[0]),
+                        how["shift"],
+                        textcoords="offset points",
+                        **rest,
                     )
                 case "arrow":
-                    shape = {"arrowstyle": "-|>", "mutation_scale": how["head"], "shrinkA": 0, "shrinkB": 0}
-                    shape |= {key: value for key, value in how.items() if key in ("color", "linewidth")}
+                    shape = {
+                        "arrowstyle": "-|>",
+                        "mutation_scale": how["head"],
+                        "shrinkA": 0,
+                        "shrinkB": 0,
+                    }
+                    shape |= {
+                        key: value for key, value in how.items() if key in ("color", "linewidth")
+                    }
                     axes.annotate("", (x[1], y[1]), (x[0], y[0]), arrowprops=shape, zorder=6)
                 case "cells":
                     _draw_cells(axes, x, y, **how)
@@ -171,7 +207,12 @@ class Panel:
 
 
 def _draw_cells(
-    axes: Axes, x: Array, y: Array, kinds: NDArray[Any], colours: Sequence[str], names: Sequence[str]
+    axes: Axes,
+    x: Array,
+    y: Array,
+    kinds: NDArray[Any],
+    colours: Sequence[str],
+    names: Sequence[str],
 ) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
@@ -185,17 +226,21 @@ def _draw_cells(
 
 
 LETTER, LINE_HIGH = 0.6, 1.4
-"""Width of a letter and height of a line, of the height of letters: of wide words, so that none runs off the sheet."""
+"""Width of a letter and height of a line, of the height of letters: of wide words, so that none
+runs off the sheet."""
 COVER, FAR = 1000, 15.0
-"""Places of lines that weigh as much as another text; from where on a line leads from its place to a text [pt]."""
+"""Places of lines that weigh as much as another text; from where on a line leads from its place to
+a text [pt]."""
 ROUND = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1.4), (0, -1.4)]) / 1.4
 """Ways from a dot to its name."""
 
 
 class Labels:
-    """Texts of axes that have their place, one after the other where nothing, or the least, is in their way.
+    """Texts of axes that have their place, one after the other where nothing, or the least, is in
+    their way.
 
-    drawn: (k, 2) places of lines and marks that texts should not cover, as dense as letters are wide
+    drawn: (k, 2) places of lines and marks that texts should not cover, as dense as letters are
+    wide
     """
 
     def __init__(self, axes: Axes, drawn: Sequence[Array], letters: float = 8.5) -> None:
@@ -206,20 +251,31 @@ class Labels:
         return np.asarray(self.axes.transData.transform(xy) / self.axes.figure.dpi * 72.0)
 
     def put(
-        self, text: str, at: Array, ways: Any, apart: Sequence[float] = (6.0,), upright: bool = False, **how: Any
+        self,
+        text: str,
+        at: Array,
+        ways: Any,
+        apart: Sequence[float] = (6.0,),
+        upright: bool = False,
+        **how: Any,
     ) -> None:
-        """A text beside one of the places at (k, 2) in its way (k, 2), one of these distances [pt] from it, the other
-        way below 0, with a line to what is far; upright: turned. A loose one is left out where others are everywhere.
+        """A text beside one of the places at (k, 2) in its way (k, 2), one of these distances [pt]
+        from it, the other way below 0, with a line to what is far; upright: turned. A loose one is
+        left out where others are everywhere.
         """
         loose, lines = how.pop("loose", False), text.split("\n")
-        half = 0.5 * self.letters * np.array([LETTER * max(map(len, lines)), LINE_HIGH * len(lines)])
+        half = (
+            0.5 * self.letters * np.array([LETTER * max(map(len, lines)), LINE_HIGH * len(lines)])
+        )
         half = half[::-1] if upright else half
         dots, ways = np.tile(self._points(at), (len(apart), 1)), np.tile(ways, (len(apart), 1))
         gaps = np.repeat(apart, len(at))
         centres = dots + ways * (gaps + np.copysign(np.abs(ways) @ half, gaps))[:, None]
         low, high = np.array([self.axes.bbox.min, self.axes.bbox.max]) / self.axes.figure.dpi * 72.0
         centres = np.clip(centres, low + half, np.maximum(high - half, low + half))
-        hits = np.array([np.sum(np.all(np.abs(self._drawn - one) < half + 2.0, axis=1)) for one in centres])
+        hits = np.array(
+            [np.sum(np.all(np.abs(self._drawn - one) < half + 2.0, axis=1)) for one in centres]
+        )
         for centre, wide in self._texts:
             hits += COVER * np.all(np.abs(centres - centre) < wide + half, axis=1)
         k = int(np.argmin(hits))
@@ -228,22 +284,38 @@ class Labels:
         self._texts.append((centres[k], half))
         shift = centres[k] - dots[k]
         if np.any(np.abs(shift) > half + FAR):
-            how["arrowprops"] = {"arrowstyle": "-", "color": style.PALE, "linewidth": 0.6, "shrinkB": 0}
-        how |= {"ha": "center", "va": "center", "rotation": 90.0 * upright, "fontsize": self.letters, "zorder": 6}
-        self.axes.annotate(style.math(text), at[k % len(at)], shift, textcoords="offset points", bbox=GROUND, **how)
+            how["arrowprops"] = {
+                "arrowstyle": "-",
+                "color": style.PALE,
+                "linewidth": 0.6,
+                "shrinkB": 0,
+            }
+        how |= {
+            "ha": "center",
+            "va": "center",
+            "rotation": 90.0 * upright,
+            "fontsize": self.letters,
+            "zorder": 6,
+        }
+        self.axes.annotate(
+            style.math(text), at[k % len(at)], shift, textcoords="offset points", bbox=GROUND, **how
+        )
 
 
 GROUND = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 
 
 DOT, NAMED = 20, 60
-"""Places of a line that weigh as much as a dot near a name, which could be taken for its own; dots that have names."""
+"""Places of a line that weigh as much as a dot near a name, which could be taken for its own; dots
+that have names."""
 
 
 def place_names(axes: Axes, panel: Panel) -> None:
     """The names of a panel, each once, when its axes have their place."""
     share = np.linspace(0.0, 1.0, 60)[:, None, None]
-    curves = [np.column_stack([x, y]) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
+    curves = [
+        np.column_stack([x, y]) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1
+    ]
     dense = [((1.0 - share) * xy[:-1] + share * xy[1:]).reshape(-1, 2) for xy in curves]
     for x, y, names in ((x, y, how["texts"]) for kind, x, y, how in panel.items if kind == "names"):
         dots = np.column_stack([x, y])
@@ -253,25 +325,29 @@ def place_names(axes: Axes, panel: Panel) -> None:
 
 
 def contact_nodes(data: Any) -> tuple[NDArray[np.intp], Scale, Array]:
-    """Of a stored contact line: its nodes along the arclength, the axis of that, and the ends of their segments."""
+    """Of a stored contact line: its nodes along the arclength, the axis of that, and the ends of
+    their segments."""
     order = np.argsort(data["arclength"].values, kind="stable")
     ends = np.concatenate([[0.0], np.cumsum(data["c"].values[order])])
     return order, scale("arclength", ends, str(data["arclength"].attrs["units"])), ends
 
 
-# -- the sheet ---------------------------------------------------------------------------------------------------------
+# -- the sheet
+# ---------------------------------------------------------------------------------------------------------
 
 SMALL, LARGE = 0.9, 1.25
 """Size of facts and keys and of the heading, relative to the other letters."""
 LINE, SPACED, EDGE = 1.5, 1.45, 0.6
-"""Height of a line, relative to its letters, and what matplotlib calls it; margin of the sheet, relative to letters."""
+"""Height of a line, relative to its letters, and what matplotlib calls it; margin of the sheet,
+relative to letters."""
 NARROW, BESIDE = 80, 60
-"""Letters that fit side by side on a sheet below which panels stand below each other; from which on a key that may do
-so stands beside the panel."""
+"""Letters that fit side by side on a sheet below which panels stand below each other; from which on
+a key that may do so stands beside the panel."""
 ROOM = 0.7
 """Room below a row of panels for its labels [inch of usual letters]."""
 SAMPLE = 7
-"""Letters that the sample of a line beside a label of a key takes, with the room before and behind it."""
+"""Letters that the sample of a line beside a label of a key takes, with the room before and behind
+it."""
 APART = 0.8
 """Room between keys and panels, relative to the letters of the keys."""
 SMALLEST = 0.3
@@ -301,41 +377,69 @@ class Sheet:
         self.width = look.size[0] if look.size else style.WIDTH
         self.wide = look.columns(self.width - 2 * EDGE * self.em)
         if self.wide < NARROW:
-            own = {name: high for row, high in zip(rows, heights, strict=True) for name in row if name != "."}
+            own = {
+                name: high
+                for row, high in zip(rows, heights, strict=True)
+                for name in row
+                if name != "."
+            }
             rows, heights = [[name] for name in own], list(own.values())
         texts = ((heading,), LARGE), (facts, SMALL), ((*feet, *look.remarks), SMALL)
-        wrapped = [[line for text in some for line in self._wrapped(text, size)] for some, size in texts]
-        head, fact, foot = (LINE * size * self.em * len(lines) for lines, (_, size) in zip(wrapped, texts, strict=True))
+        wrapped = [
+            [line for text in some for line in self._wrapped(text, size)] for some, size in texts
+        ]
+        head, fact, foot = (
+            LINE * size * self.em * len(lines)
+            for lines, (_, size) in zip(wrapped, texts, strict=True)
+        )
         least = head + fact + foot + scale * (SMALLEST * sum(heights) + ROOM * len(heights))
         self.height = look.size[1] if look.size else least + (1.0 - SMALLEST) * sum(heights)
         if self.height < least:
             least *= 2.54
-            raise DrawError(f"size: {least:.1f} cm is the least height of this picture with such a width")
+            raise DrawError(
+                f"size: {least:.1f} cm is the least height of this picture with such a width"
+            )
         self.heights, edge = heights, EDGE * self.em
         self.figure = Figure((self.width, self.height), dpi=look.dpi, layout="constrained")
         tops = edge, edge + head, self.height - edge - foot
-        for lines, (_, size), top, weight in zip(wrapped, texts, tops, ("bold", "normal", "normal"), strict=True):
+        for lines, (_, size), top, weight in zip(
+            wrapped, texts, tops, ("bold", "normal", "normal"), strict=True
+        ):
             how: dict[str, Any] = {"va": "top", "linespacing": SPACED, "in_layout": False}
             how |= {"fontsize": size * look.letters, "fontweight": weight}
-            self.figure.text(edge / self.width, 1.0 - top / self.height, style.math("\n".join(lines)), **how)
+            self.figure.text(
+                edge / self.width, 1.0 - top / self.height, style.math("\n".join(lines)), **how
+            )
         above, below = head + fact + 2.0 * edge, foot + edge * (1.0 + bool(foot))
-        sides, engine = np.array([self.width, self.height] * 2), cast("Any", self.figure.get_layout_engine())
-        self._rect = tuple(np.array([edge, below, self.width - 2.0 * edge, self.height - above - below]) / sides)
+        sides, engine = (
+            np.array([self.width, self.height] * 2),
+            cast("Any", self.figure.get_layout_engine()),
+        )
+        self._rect = tuple(
+            np.array([edge, below, self.width - 2.0 * edge, self.height - above - below]) / sides
+        )
         engine.set(rect=self._rect, w_pad=0.0, h_pad=0.0, hspace=0.05, wspace=0.03)
-        self.panels: dict[str, Axes] = self.figure.subplot_mosaic([list(row) for row in rows], height_ratios=heights)
+        self.panels: dict[str, Axes] = self.figure.subplot_mosaic(
+            [list(row) for row in rows], height_ratios=heights
+        )
         if look.into is not None:
             name = look.panel if look.panel is not None else next(iter(self.panels))
             if name not in self.panels:
-                raise DrawError(f"panel: this picture has no {name!r}; choose of {', '.join(self.panels)}")
+                raise DrawError(
+                    f"panel: this picture has no {name!r}; choose of {', '.join(self.panels)}"
+                )
             self.panels[name] = look.into
 
     def _wrapped(self, text: str, size: float) -> list[str]:
         """Lines of a text, fewer letters of bold ones, which are wider."""
         columns = int(self.wide / size * (0.92 if size > 1.0 else 1.0))
-        return textwrap.wrap(text.replace(" %", "\N{NO-BREAK SPACE}%"), columns, break_long_words=False)
+        return textwrap.wrap(
+            text.replace(" %", "\N{NO-BREAK SPACE}%"), columns, break_long_words=False
+        )
 
     def key(self, *panels: str, place: str = "lower center", title: str | None = None) -> None:
-        """What lines, marks and hatches mean that have a label in these panels, or in all; place: as in Figure.legend.
+        """What lines, marks and hatches mean that have a label in these panels, or in all; place:
+        as in Figure.legend.
 
         It stands outside the panels.
         """
@@ -343,7 +447,9 @@ class Sheet:
         for name in panels or self.panels:
             handles, labels = self.panels[name].get_legend_handles_labels()
             found = dict(zip(labels, handles, strict=True)) | found
-        if not found or self.look.into is not None:  # whose axes they are, asks them for their legend
+        if (
+            not found or self.look.into is not None
+        ):  # whose axes they are, asks them for their legend
             return
         columns = 1 if "right" in place else _columns(list(found), self.wide / SMALL)
         where: dict[str, Any] = {"loc": f"outside {place}"}
@@ -365,7 +471,9 @@ class Sheet:
 
     def bar(self, axes: Axes, drawn: Any, label: str) -> Colorbar:
         """A colour bar beside a panel."""
-        bar = axes.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04, label=style.math(label))
+        bar = axes.figure.colorbar(
+            drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04, label=style.math(label)
+        )
         bar.outline.set_visible(False)
         return bar
 
@@ -391,8 +499,13 @@ class Sheet:
         with warnings.catch_warnings(action="error"):
             try:
                 engine.execute(figure)
-                if any(axes.get_aspect() != "auto" and axes.get_adjustable() == "box" for axes in figure.axes):
-                    engine.execute(figure)  # labels were measured beside a panel that its shape had made smaller
+                if any(
+                    axes.get_aspect() != "auto" and axes.get_adjustable() == "box"
+                    for axes in figure.axes
+                ):
+                    engine.execute(
+                        figure
+                    )  # labels were measured beside a panel that its shape had made smaller
             except UserWarning as error:
                 raise DrawError("size: panels find no room; ask for a larger picture") from error
         figure.set_layout_engine("none")
@@ -403,13 +516,18 @@ class Sheet:
         return figure
 
     def _wrap(self, axes: Axes) -> None:
-        """Wrap title and labels to the panel, as large as it is before the layout; its title may leave it."""
+        """Wrap title and labels to the panel, as large as it is before the layout; its title may
+        leave it."""
         box, wider = axes.get_position(), 1.15 if self.wide >= NARROW else 1.0
         across = self.look.columns(wider * box.width * self.width)
         up = self.look.columns(box.height * self.height)
         axes.set_ylabel(_wrapped(axes.get_ylabel(), up), linespacing=1.0)
         axes.set_xlabel(_wrapped(axes.get_xlabel(), across))
-        title = self.look.columns((1.0 - box.x0) * self.width - EDGE * self.em) if len(self.panels) < 2 else across
+        title = (
+            self.look.columns((1.0 - box.x0) * self.width - EDGE * self.em)
+            if len(self.panels) < 2
+            else across
+        )
         axes.set_title(_wrapped(axes.get_title(loc="left"), title), loc="left")
 
 
@@ -427,7 +545,8 @@ def _wrapped(text: str, columns: int) -> str:
 
 
 def _columns(labels: Sequence[str], letters: float) -> int:
-    """Columns of a key in as few rows as do on the room of so many letters; columns are filled one after the other."""
+    """Columns of a key in as few rows as do on the room of so many letters; columns are filled one
+    after the other."""
     for rows in range(1, len(labels)):
         columns = -(-len(labels) // rows)
         split = np.array_split([len(_seen(text)) for text in labels], columns)

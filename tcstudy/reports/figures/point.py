@@ -1,5 +1,6 @@
-"""Pictures of one point: its body with u_T, ξ = −S_T, N along the contact line below; a profile along any line through
-the body; its friction law b̂ with jumps filled in, and the operating point (u_T, ξ) of every contact node on it.
+"""Pictures of one point: its body with u_T, ξ = −S_T, N along the contact line below; a profile
+along any line through the body; its friction law b̂ with jumps filled in, and the operating point
+(u_T, ξ) of every contact node on it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ FEW = 60
 """Contact nodes up to which each one gets a dot."""
 
 
-def point_figure(picture: Picture, look: style.Look, of: str | None = None, factor: float | None = None) -> Figure:
+def point_figure(
+    picture: Picture, look: style.Look, of: str | None = None, factor: float | None = None
+) -> Figure:
     """The figure of one point; call it within `style.styled()` for its letters.
 
     of: the field of the body (`field_of`);  factor: of its displacement, None for one that suits
@@ -51,17 +54,23 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
         f"{int(at['n_dof'])} displacement unknowns",
         f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
     ]
-    sheet = Sheet(look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights)
+    sheet = Sheet(
+        look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights
+    )
     sheet.draw(panels)
     sheet.share(*panels)
     for name, panel in panels.items():
         if not any(np.any(y) for kind, _, y, _ in panel.items if kind == "line"):
-            sheet.panels[name].set_yticks([0.0])  # a scale around nothing but zero would mean nothing
+            sheet.panels[name].set_yticks(
+                [0.0]
+            )  # a scale around nothing but zero would mean nothing
     if shape:
         edges = draw_body(sheet, sheet.panels["body"], picture, shape, field)
     figure = sheet.finish()
     if shape:
-        for name in panels if below and look.into is None else ():  # axes that share x would cut off a high body
+        for name in (
+            panels if below and look.into is None else ()
+        ):  # axes that share x would cut off a high body
             sheet.panels[name].set_xlim(sheet.panels["body"].get_xlim())
         name_body(sheet.panels["body"], picture, shape, edges)
     return figure
@@ -77,7 +86,9 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
     (sign, start), s = line.along_x or (1.0, 0.0), below and replace(below, label=f"x{below.label}")
     if s is None:
         alone = (
-            line.edge_names[line.edge[0]] if len(np.unique(line.edge)) == 1 and line.edge_names else "the contact line"
+            line.edge_names[line.edge[0]]
+            if len(np.unique(line.edge)) == 1 and line.edge_names
+            else "the contact line"
         )
         sign, start, s = 1.0, 0.0, scale(f"arclength s along {alone}", [length], line.length_units)
     upper = Panel(s, scale("u_T", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
@@ -85,30 +96,54 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
     panels = {"upper": upper, "lower": lower}
     if line.section:
         N, units = line.section
-        section = panels["section"] = Panel(s, scale("N", N, units), "Force of the section, positive in tension")
+        section = panels["section"] = Panel(
+            s, scale("N", N, units), "Force of the section, positive in tension"
+        )
         section.line(start + sign * line.arclength, N, color=style.GREEN, linewidth=1.5)
-    names, dots = line.edge_names, {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
+    names, dots = (
+        line.edge_names,
+        {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False},
+    )
     for k, part in enumerate(line.parts):
         ends, nodes = line.steps(part)
-        at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
+        at = np.append(line.arclength[part], ends[-1])[
+            : len(nodes)
+        ]  # a ring ends with its first node
         slips = picture.held[k] if len(picture.held) else (np.nan, np.nan)
-        held = np.array([one for one in zip(ends[[0, -1]], slips, strict=True) if np.isfinite(one[1])]).reshape(-1, 2)
-        x, u = np.array(sorted([*held, *np.column_stack([at, line.u_T[nodes]])], key=lambda one: float(one[0]))).T
+        held = np.array(
+            [one for one in zip(ends[[0, -1]], slips, strict=True) if np.isfinite(one[1])]
+        ).reshape(-1, 2)
+        x, u = np.array(
+            sorted([*held, *np.column_stack([at, line.u_T[nodes]])], key=lambda one: float(one[0]))
+        ).T
         upper.line(start + sign * x, u, color=style.BLUE, linewidth=1.5, **dots)
         steps = start + sign * np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2)
         lower.line(*steps, color=style.VERMILLION, linewidth=1.5)
-        upper.line(start + sign * held[:, 0], held[:, 1], color=style.INK, marker="s", markersize=5, linestyle="none")
+        upper.line(
+            start + sign * held[:, 0],
+            held[:, 1],
+            color=style.INK,
+            marker="s",
+            markersize=5,
+            linestyle="none",
+        )
         for end, slip in held[-1:]:
             side = 1.0 if sign * (np.mean(at) - end) > 0.0 else -1.0
             place = start + sign * end, slip
-            upper.note("held", place, (5 * side, 5), ha="left" if side > 0.0 else "right", fontsize=8.5)
+            upper.note(
+                "held", place, (5 * side, 5), ha="left" if side > 0.0 else "right", fontsize=8.5
+            )
     for panel in panels.values():
         for one, other in stick_ranges(line):
             panel.shade(start + sign * one, start + sign * other)
         panel.across(0.0, color=style.PALE, zorder=1)
         panel.limits[0] = None if below else (0.0, length / s.one)
-    cuts = np.flatnonzero(np.diff(line.edge)) + 1  # where one contact edge ends and another begins, with their names
-    ends = start + sign * np.array([0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])), length])
+    cuts = (
+        np.flatnonzero(np.diff(line.edge)) + 1
+    )  # where one contact edge ends and another begins, with their names
+    ends = start + sign * np.array(
+        [0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])), length]
+    )
     for k, cut in enumerate([0, *cuts]) if len(cuts) else ():
         look = {"ha": "center", "color": style.BLUE, "fontweight": "bold"}
         lower.note(names[line.edge[cut]], (ends[k : k + 2].mean(), 0.0), (0, 2), top=True, **look)
@@ -137,7 +172,8 @@ def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     return ranges
 
 
-# -- profiles ----------------------------------------------------------------------------------------------------------
+# -- profiles
+# ----------------------------------------------------------------------------------------------------------
 
 ALONG = 1001
 """Points of a line; fields are linear in a triangle."""
@@ -153,14 +189,19 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
 def ends_of(along: str | Ends) -> Array:
-    """(2, 2) both ends of a line, of numbers [m] or of a text "0 mm, 5 mm: 200 mm, 5 mm". Raises UsageError."""
+    """(2, 2) both ends of a line, of numbers [m] or of a text "0 mm, 5 mm: 200 mm, 5 mm". Raises
+    UsageError."""
 
     def metres(text: str) -> float:
         quantity = split_quantity(text.strip())
         return to_si(*quantity, LENGTH) if quantity else float(text)
 
     try:
-        given = [map(metres, point.split(",")) for point in along.split(":")] if isinstance(along, str) else along
+        given = (
+            [map(metres, point.split(",")) for point in along.split(":")]
+            if isinstance(along, str)
+            else along
+        )
         ends = np.array([list(point) for point in given], dtype=float)
     except (TypeError, ValueError, UnitError):
         ends = np.zeros(0)
@@ -170,14 +211,20 @@ def ends_of(along: str | Ends) -> Array:
     return ends
 
 
-def profile_figure(picture: Picture, look: style.Look, along: str | Ends, of: str | None = None) -> Figure:
-    """The figure of one point: a panel each for displacement, temperature and stresses, or one for a field.
+def profile_figure(
+    picture: Picture, look: style.Look, along: str | Ends, of: str | None = None
+) -> Figure:
+    """The figure of one point: a panel each for displacement, temperature and stresses, or one for
+    a field.
 
     Raises DrawError, UsageError.
     """
     ends, units = ends_of(along), picture.line.length_units
     share = np.linspace(0.0, 1.0, ALONG)
-    places, s = ends[0] + share[:, None] * (ends[1] - ends[0]), share * float(np.hypot(*(ends[1] - ends[0])))
+    places, s = (
+        ends[0] + share[:, None] * (ends[1] - ends[0]),
+        share * float(np.hypot(*(ends[1] - ends[0]))),
+    )
     panels = dict[str, Panel]()
     for group in ((of,),) if of is not None else GROUPS:
         fields = [field for name in group if (field := field_of(picture, name)) is not None]
@@ -189,14 +236,21 @@ def profile_figure(picture: Picture, look: style.Look, along: str | Ends, of: st
             raise DrawError("along: no point of this line lies in the body")
         symbols = [field.name.rpartition(" ")[2] for field in fields]
         y = scale(", ".join(symbols), values[np.isfinite(values)], fields[0].units)
-        panel = panels[group[0]] = Panel(scale("distance along the line", s, units), y, fields[0].told)
+        panel = panels[group[0]] = Panel(
+            scale("distance along the line", s, units), y, fields[0].told
+        )
         panel.across(0.0, color=style.PALE)
         panel.limits[0] = 0.0, float(panel.x(s[-1]))
         for parts, symbol, look_of in zip(curves, symbols, LOOKS, strict=False):
             for i, curve in enumerate(parts):
-                panel.line(s, curve, linewidth=1.5, **look_of, **({"label": symbol} if i == 0 else {}))
+                panel.line(
+                    s, curve, linewidth=1.5, **look_of, **({"label": symbol} if i == 0 else {})
+                )
     a, b = (", ".join(number(x) for x in end) for end in ends)
-    facts = [style.point_words(picture.point), f"level {picture.level},  from ({a}) to ({b}) {pretty(units)}".rstrip()]
+    facts = [
+        style.point_words(picture.point),
+        f"level {picture.level},  from ({a}) to ({b}) {pretty(units)}".rstrip(),
+    ]
     sheet = Sheet(look, picture.title, facts, [[name] for name in panels], [HEIGHT] * len(panels))
     sheet.draw(panels)
     for name, panel in panels.items():
@@ -219,29 +273,42 @@ def _curves(picture: Picture, field: Field, places: Array) -> list[Array]:
     return found
 
 
-# -- laws --------------------------------------------------------------------------------------------------------------
+# -- laws
+# --------------------------------------------------------------------------------------------------------------
 
 SAMPLES = 100
 """Points on a curved piece; a straight one has two."""
 JUMPS: tuple[tuple[int, str, dict[str, Any]], ...] = (
     (UP, "up-jump", {"color": style.BLUE, "linewidth": 3.2, "solid_capstyle": "butt"}),
-    (DOWN, "down-jump: sudden loss", {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))}),
+    (
+        DOWN,
+        "down-jump: sudden loss",
+        {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))},
+    ),
 )
 CURVE: dict[str, Any] = {"color": style.INK, "linewidth": 1.4}
-NODE: dict[str, Any] = {"linestyle": "none", "markersize": 4.5, "markeredgewidth": 0.4, "markeredgecolor": "white"}
+NODE: dict[str, Any] = {
+    "linestyle": "none",
+    "markersize": 4.5,
+    "markeredgewidth": 0.4,
+    "markeredgecolor": "white",
+}
 NODE |= {"clip_on": False, "zorder": 4}
 ROOM, BEYOND = 1.15, 4.0
-"""The panel reaches a little past the outermost node, and so many times as far if the law has more to show there."""
+"""The panel reaches a little past the outermost node, and so many times as far if the law has more
+to show there."""
 
 Operating = tuple[list[tuple[str, Laws]], NDArray[np.intp], Array]
-"""(edge, law), one of "" where friction is the same along the line, after them those of joints; which of them each node
-has (m,); the strength of the law there (m,)."""
+"""(edge, law), one of "" where friction is the same along the line, after them those of joints;
+which of them each node has (m,); the strength of the law there (m,)."""
 
 
 def laws_of(point: Picture) -> Operating:
     """The laws of a stored point; raises DrawError where the study in its file cannot be read."""
     if point.scene is None:
-        raise DrawError("the study in the file cannot be read any more, so its friction laws are not known")
+        raise DrawError(
+            "the study in the file cannot be read any more, so its friction laws are not known"
+        )
     friction, line = EdgeLaws(edge_laws(point.scene.friction)), point.line
     xy = np.stack([line.x, line.y], axis=1)
     laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
@@ -262,7 +329,10 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
         scale("slip u_T", [low, high], line.length_units),
         scale("friction ξ = −S_T" + scaled, [*within, *xi[bonded]], line.traction_units),
     )
-    kinds = (("sticks", line.sticks, "s", style.INK), ("slips", ~line.sticks, "o", style.VERMILLION))
+    kinds = (
+        ("sticks", line.sticks, "s", style.INK),
+        ("slips", ~line.sticks, "o", style.VERMILLION),
+    )
     for k, (edge, law) in enumerate(laws):
         colour = {"color": style.SERIES[k % len(style.SERIES)]} if len(laws) > 1 else {}
         draw_law(panel, law, (low, high), f"{edge}: {law.name}" if colour else "law b(s)", **colour)
@@ -272,7 +342,13 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
     for word, which, mark, own in kinds:
         if count := int(np.count_nonzero(which & bonded)):
             look_of = NODE | {"color": style.INK if len(laws) > 1 else own}
-            panel.line([], [], marker=mark, **look_of | {"clip_on": True}, label=f"{word} ({counted(count, 'node')})")
+            panel.line(
+                [],
+                [],
+                marker=mark,
+                **look_of | {"clip_on": True},
+                label=f"{word} ({counted(count, 'node')})",
+            )
     panel.draw(sheet.panels[""])
     sheet.panels[""].margins(y=0.12)
     sheet.key()
@@ -287,11 +363,15 @@ def _facts(point: Picture) -> list[str]:
         steep = f"steepest fall ω = {omega}, stiffness λ_1 = {lambda_1}"
         if (error := float(at["lambda_1_error"])) > DIGITS:
             steep += f" (relative error {number(error, 2)})"
-    return [",  ".join(filter(None, [style.point_words(point.point), f"level {point.level}"])), steep]
+    return [
+        ",  ".join(filter(None, [style.point_words(point.point), f"level {point.level}"])),
+        steep,
+    ]
 
 
 def slip_window(law: Laws, u_T: Array) -> tuple[float, float]:
-    """Slips between which a law is drawn: the nodes and, if it is not too far away, all that the law does."""
+    """Slips between which a law is drawn: the nodes and, if it is not too far away, all that the
+    law does."""
     largest, reach = float(np.abs(u_T).max(initial=0.0)), slip_range(law)
     span = ROOM * max(largest, min(reach, BEYOND * largest)) or reach or 1.0
     low = -span if u_T.min(initial=0.0) < -0.01 * largest else -0.12 * span
@@ -299,7 +379,9 @@ def slip_window(law: Laws, u_T: Array) -> tuple[float, float]:
     return (-span, span) if largest == 0.0 else (low, high)
 
 
-def draw_law(panel: Panel, law: Laws, window: tuple[float, float], name: str = "", **colour: str) -> None:
+def draw_law(
+    panel: Panel, law: Laws, window: tuple[float, float], name: str = "", **colour: str
+) -> None:
     """The pieces of a law as curves, each jump as the vertical interval that fills it."""
     for i, (s, b) in enumerate(curves(law, max(abs(window[0]), abs(window[1])))):
         panel.line(s, b, **CURVE | colour, label=name if i == 0 else "")
@@ -307,14 +389,20 @@ def draw_law(panel: Panel, law: Laws, window: tuple[float, float], name: str = "
         for k in np.flatnonzero(law.kinds == kind):
             if window[0] <= law.kinks[k] <= window[1]:
                 label = {} if colour else {"label": word}
-                panel.line([law.kinks[k]] * 2, [law.b_left[k], law.b_right[k]], zorder=1, **look | colour | label)
+                panel.line(
+                    [law.kinks[k]] * 2,
+                    [law.b_left[k], law.b_right[k]],
+                    zorder=1,
+                    **look | colour | label,
+                )
     panel.across(0.0)
     panel.up(0.0, linewidth=0.7)
     panel.limits[0] = float(panel.x(window[0])), float(panel.x(window[1]))
 
 
 def slip_range(law: Laws, decays: float = 4.0) -> float:
-    """Largest |s| that matters to a law: past the outermost kink and some decay lengths; 0 for a law without either."""
+    """Largest |s| that matters to a law: past the outermost kink and some decay lengths; 0 for a
+    law without either."""
     reach = float(np.abs(law.kinks).max(initial=0.0))
     decay = float((1.0 / law.rate[law.rate > 0.0]).max(initial=0.0))
     return max(1.4 * reach, decays * decay)

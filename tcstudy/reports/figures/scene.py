@@ -1,7 +1,9 @@
-"""The scene of a study before any work: outline, edges with what they do, loads, materials, mesh, law, sweep.
+"""The scene of a study before any work: outline, edges with what they do, loads, materials, mesh,
+law, sweep.
 
-All is placed in inches of the sheet, so that letters and arrows know what is in their way; a body more than SLENDER
-times as long as high is drawn higher than it is, and its facts say how much. Drawn is the first point of the sweep.
+All is placed in inches of the sheet, so that letters and arrows know what is in their way; a body
+more than SLENDER times as long as high is drawn higher than it is, and its facts say how much.
+Drawn is the first point of the sweep.
 """
 
 from __future__ import annotations
@@ -83,16 +85,26 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     edges = {name: polylines(pieces) for name, pieces in shape.segments.items()}
     low, size, scales = _scales(shape.points)
     roles, told, laws = dict(scene.boundary), dict(numbers(scene)), laws_drawn(study)
-    labels = {name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())] for name in edges}
+    labels = {
+        name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())]
+        for name in edges
+    }
     above = 0.3 + LINE * max(map(len, labels.values()))
     above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in roles.values())
     body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
-    body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if scales[0] != scales[1] else ""
+    body += (
+        f", drawn {number(scales[1] / scales[0], 2)} times as high as it is"
+        if scales[0] != scales[1]
+        else ""
+    )
     facts = [f"{body};  {shape.sizes}", *scene_facts(study, told, shape.lambda_1)]
     sheet, axes = _sheet(look, study.title, facts, size * scales, above, bool(laws))
     points, triangles = (shape.points - low) * scales, shape.triangles
     _draw_mesh(axes, points, triangles, shape.region)
-    placed, taken = {name: [(line - low) * scales for line in lines] for name, lines in edges.items()}, list[Array]()
+    placed, taken = (
+        {name: [(line - low) * scales for line in lines] for name, lines in edges.items()},
+        list[Array](),
+    )
     for name, lines in placed.items():
         taken += _draw_role(axes, lines, edges[name], roles.get(name))
     if laws:
@@ -110,11 +122,19 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     return figure
 
 
-def faulty_figure(title: str, body: Body, faults: Mapping[str, str], told: Sequence[str], look: style.Look) -> Figure:
-    """The outline of a study that cannot be run, with what is wrong; faults: by the name of the edge."""
-    edges = [(edge.name, edge_points(edge, 1 if edge.through is None else ARC_PIECES)) for edge in body.edges]
+def faulty_figure(
+    title: str, body: Body, faults: Mapping[str, str], told: Sequence[str], look: style.Look
+) -> Figure:
+    """The outline of a study that cannot be run, with what is wrong; faults: by the name of the
+    edge."""
+    edges = [
+        (edge.name, edge_points(edge, 1 if edge.through is None else ARC_PIECES))
+        for edge in body.edges
+    ]
     low, size, scales = _scales(np.concatenate([line for _, line in edges]))
-    placed = {name: [(line - low) * scales for other, line in edges if other == name] for name, _ in edges}
+    placed = {
+        name: [(line - low) * scales for other, line in edges if other == name] for name, _ in edges
+    }
     above = 0.3 + LINE * (1 + len(_wrapped([*faults.values()]).split("\n")))
     sheet, axes = _sheet(look, title, told, size * scales, above)
     for name, lines in placed.items():
@@ -126,7 +146,8 @@ def faulty_figure(title: str, body: Body, faults: Mapping[str, str], told: Seque
 
 
 def _scales(points: Array) -> tuple[Array, Array, Array]:
-    """The lower left corner of the body and its size [m], and how large its x and y are drawn [inch/m]."""
+    """The lower left corner of the body and its size [m], and how large its x and y are drawn
+    [inch/m]."""
     low, size = points.min(axis=0), np.ptp(points, axis=0)
     one = min(WIDTH / size[0], HIGHEST / size[1])
     return low, size, np.array([one, LEAST / size[1] if size[0] > SLENDER * size[1] else one])
@@ -147,7 +168,9 @@ Of = Mapping[str, Any]
 """By the name of an edge."""
 
 
-def _name_edges(axes: Axes, taken: Sequence[Array], placed: Of, labels: Of, faults: Of | None = None) -> Labels:
+def _name_edges(
+    axes: Axes, taken: Sequence[Array], placed: Of, labels: Of, faults: Of | None = None
+) -> Labels:
     """Write labels beside edges; returns what places more."""
     texts = Labels(axes, taken, LETTERS)
     for name, lines in placed.items():
@@ -157,10 +180,14 @@ def _name_edges(axes: Axes, taken: Sequence[Array], placed: Of, labels: Of, faul
 
 
 def _wrapped(parts: Sequence[str]) -> str:
-    return "\n".join(line for part in parts for line in textwrap.wrap(part, WIDEST, break_long_words=False))
+    return "\n".join(
+        line for part in parts for line in textwrap.wrap(part, WIDEST, break_long_words=False)
+    )
 
 
-def _draw_mesh(axes: Axes, points: Array, triangles: NDArray[np.intp], region: NDArray[np.intp]) -> None:
+def _draw_mesh(
+    axes: Axes, points: Array, triangles: NDArray[np.intp], region: NDArray[np.intp]
+) -> None:
     from matplotlib.colors import ListedColormap
 
     how: dict[str, Any] = {"cmap": ListedColormap(FILLS), "vmin": -0.5, "vmax": len(FILLS) - 0.5}
@@ -170,31 +197,55 @@ def _draw_mesh(axes: Axes, points: Array, triangles: NDArray[np.intp], region: N
 
 
 def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | None) -> list[Array]:
-    """An edge, as it is drawn and as it is [m], with arrows of what it carries or prescribes; returns places of all."""
-    word, fixed = role.word if role is not None else "free", type(role) is Clamped and None not in role.u
+    """An edge, as it is drawn and as it is [m], with arrows of what it carries or prescribes;
+    returns places of all."""
+    word, fixed = (
+        role.word if role is not None else "free",
+        type(role) is Clamped and None not in role.u,
+    )
     taken = draw_edge(axes, lines, ROLES[word], fixed)
     taken += [evenly(one, max(2, int(length_of(one) / 0.04)))[0] for one in lines]
     axes.plot([], [], label=word, **ROLES[word])
     whole = sum(map(length_of, lines))
     counts = [max(1, round(min(9.0, whole / APART) * length_of(line) / whole)) for line in lines]
     starts, along = (np.concatenate(one) for one in zip(*map(evenly, lines, counts), strict=True))
-    points, normals = np.concatenate([evenly(*one)[0] for one in zip(true, counts, strict=True)]), outside(along)
+    points, normals = (
+        np.concatenate([evenly(*one)[0] for one in zip(true, counts, strict=True)]),
+        outside(along),
+    )
     for force, colour in _pushes(role, points, normals, along) if role is not None else ():
         ways, at, out, width = ARROW * force / np.hypot(*force.T).max(), starts, normals, 0.02
         if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
-            ways, at, out, width = 1.5 * ways[None], np.mean(starts, axis=0)[None], normals[[len(normals) // 2]], 0.03
+            ways, at, out, width = (
+                1.5 * ways[None],
+                np.mean(starts, axis=0)[None],
+                normals[[len(normals) // 2]],
+                0.03,
+            )
         long = np.hypot(*ways.T)
         across = np.sum(ways * out, axis=1) / np.maximum(long, 0.02)
-        back = np.select([across < -0.2, across > 0.2], [1.0, 0.0], 0.5)  # outside: towards the body, away, beside it
+        back = np.select(
+            [across < -0.2, across > 0.2], [1.0, 0.0], 0.5
+        )  # outside: towards the body, away, beside it
         tails = (at + (0.07 + HATCH * fixed) * out - back[:, None] * ways)[long >= 0.02]
         ways = ways[long >= 0.02]
-        axes.quiver(*tails.T, *ways.T, angles="xy", scale_units="xy", scale=1.0, units="xy", width=width, color=colour)
+        axes.quiver(
+            *tails.T,
+            *ways.T,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            units="xy",
+            width=width,
+            color=colour,
+        )
         taken += [np.linspace(tail, tail + way, 8) for tail, way in zip(tails, ways, strict=True)]
     return taken
 
 
 def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator[tuple[Array, str]]:
-    """(forces or displacements (k, 2) at the points, or a resultant (2,); colour) of what an edge has or moves by."""
+    """(forces or displacements (k, 2) at the points, or a resultant (2,); colour) of what an edge
+    has or moves by."""
 
     def at(value: Scalar | None) -> Array:
         if not isinstance(value, int | float | None):
@@ -216,7 +267,8 @@ ALSO_ZERO = ("nu", "theta", "theta_bar")
 
 
 def words(told: Told, path: tuple[str, ...], si: bool) -> list[str]:
-    """The numbers under a key path that say something, "g_x = 3 MPa"; β where it does not follow from α_T."""
+    """The numbers under a key path that say something, "g_x = 3 MPa"; β where it does not follow
+    from α_T."""
     return [
         f"{' '.join(map(symbol, key[len(path) :] or key[-1:]))} = {_value(one, si)}"
         for key, one in told.items()
@@ -245,11 +297,15 @@ def scene_facts(study: Study, told: Told, lambda_1: float | None) -> Iterator[st
     rest = f" ({BODY})" if scene.material.regions else ""
     material = ", ".join([f"plane {scene.material.plane}", *words(told, ("material",), si)])
     whole = {key: one for key, one in told.items() if key != ("heat", "q") or not scene.heat.omega}
-    yield ";  ".join(filter(None, [f"Material{rest}: {material}", ", ".join(words(whole, ("heat",), si))]))
+    yield ";  ".join(
+        filter(None, [f"Material{rest}: {material}", ", ".join(words(whole, ("heat",), si))])
+    )
     unit = "Pa m-1" if si else "1"
     omegas = [law.omega for one in distinct(study.scenes, "friction") for law in one.laws]
     least, most = min(omegas), max(omegas)
-    ends = dict.fromkeys(with_unit(x, unit) if np.isfinite(x) and x else number(x) for x in (least, most))
+    ends = dict.fromkeys(
+        with_unit(x, unit) if np.isfinite(x) and x else number(x) for x in (least, most)
+    )
     fall = f"Steepest fall of the law ω = {' to '.join(ends)}"
     if lambda_1 is not None:
         fall += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: " + (
@@ -264,9 +320,13 @@ def varied(study: Study) -> str:
     found = []
     for axis in study.axes:
         texts, unit = scaled_labels(list(axis.labels), axis_attributes(axis))
-        few = texts if len(texts) <= MOST_VALUES else [*texts[:2], "…", f"{texts[-1]} ({len(texts)})"]
+        few = (
+            texts if len(texts) <= MOST_VALUES else [*texts[:2], "…", f"{texts[-1]} ({len(texts)})"]
+        )
         values = axis.distribution or f"= {', '.join(few)} {pretty(unit)}".rstrip()
-        found.append(f"{symbol(axis.name) if len(axis.path) < 3 else '.'.join(axis.path[1:])} {values}")
+        found.append(
+            f"{symbol(axis.name) if len(axis.path) < 3 else '.'.join(axis.path[1:])} {values}"
+        )
     swept = f"Sweep: {counted(len(study.scenes), 'point')} of {'; '.join(found)}" if found else ""
     if study.fit is not None:
         return f"Fit: {', '.join(one.number.name for one in study.fit.parameters)}"
@@ -280,12 +340,19 @@ def varied(study: Study) -> str:
 
 
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
-    """Laws of a study under the names of sweep and edges and what differs; of many some, the name says how many."""
+    """Laws of a study under the names of sweep and edges and what differs; of many some, the name
+    says how many."""
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
-    found = [one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)]
+    found = [
+        one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)
+    ]
     every = dict[str, Laws]()
     for k, (edge, law, _) in enumerate(found):
-        same = [one.made.values for at, one, _ in found if (at, one.name) == (edge, law.name) and one.made]
+        same = [
+            one.made.values
+            for at, one, _ in found
+            if (at, one.name) == (edge, law.name) and one.made
+        ]
         rows = {row.name: row for row in law_rows(law.made.shape)} if law.made else {}
         differ = [
             f"{symbol(name)} = {_value(Number(rows[name], value), study.units == 'SI')}"
@@ -293,7 +360,11 @@ def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
             if isinstance(value, float) and any(other.get(name) != value for other in same)
         ]
         given = axis is not None and len(found) == len(axis.labels)
-        name = str(axis.labels[k]) if axis and given else " ".join(filter(None, [edge, law.name, ", ".join(differ)]))
+        name = (
+            str(axis.labels[k])
+            if axis and given
+            else " ".join(filter(None, [edge, law.name, ", ".join(differ)]))
+        )
         every.setdefault(name, law)
     shown = [(name, law) for name, law in every.items() if not law.vanishes]
     if len(shown) > MOST_LAWS:
@@ -303,12 +374,19 @@ def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
 
 
 def _draw_laws(sheet: Sheet, laws: Sequence[tuple[str, Laws]], si: bool, size: float) -> None:
-    reach, names = max(slip_range(law) for _, law in laws) or 1e-3 * size, [name for name, _ in laws]
+    reach, names = (
+        max(slip_range(law) for _, law in laws) or 1e-3 * size,
+        [name for name, _ in laws],
+    )
     values = [law.b(np.linspace(0.0, reach, 50)) for _, law in laws]
-    panel = Panel(scale("slip s", [reach], "m" if si else "1"), scale("b(s)", values, "Pa" if si else "1"))
+    panel = Panel(
+        scale("slip s", [reach], "m" if si else "1"), scale("b(s)", values, "Pa" if si else "1")
+    )
     for k, (name, law) in enumerate(laws):
         shown = name if names.index(name) == k else ""
-        draw_law(panel, law, (-0.03 * reach, reach), shown, color=style.SERIES[k % len(style.SERIES)])
+        draw_law(
+            panel, law, (-0.03 * reach, reach), shown, color=style.SERIES[k % len(style.SERIES)]
+        )
     panel.draw(sheet.panels["law"])
     sheet.panels["law"].set_ylim(bottom=0.0)
     sheet.legend("law")

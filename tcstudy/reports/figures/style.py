@@ -1,7 +1,8 @@
-"""What the pictures share: colours, letters, units, saving, and the error of a picture that cannot be made.
+"""What the pictures share: colours, letters, units, saving, and the error of a picture that cannot
+be made.
 
-matplotlib is imported when a picture is made, so that the package works without it; pyplot and its list of open
-figures are not used at all.
+matplotlib is imported when a picture is made, so that the package works without it; pyplot and its
+list of open figures are not used at all.
 """
 
 from __future__ import annotations
@@ -103,7 +104,10 @@ Size = str | tuple[float, float]
 
 
 def look_of(
-    size: Size | None, remarks: tuple[str, ...] = (), into: Axes | None = None, panel: str | None = None
+    size: Size | None,
+    remarks: tuple[str, ...] = (),
+    into: Axes | None = None,
+    panel: str | None = None,
 ) -> Look:
     """The looks that are asked for. Raises UsageError for a size that no picture has."""
     if panel is not None and into is None:
@@ -112,16 +116,24 @@ def look_of(
 
 
 def size_in_inches(text: str) -> tuple[float, float]:
-    """Width and height [inch] of a text such as "8x10cm"; raises UsageError if it is no size of a picture."""
-    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text)
+    """Width and height [inch] of a text such as "8x10cm"; raises UsageError if it is no size of a
+    picture."""
+    match = re.fullmatch(
+        r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text
+    )
     if match is None:
         raise UsageError(
             f"size: {text!r} is none; write width x height with a unit, for example 8x10cm, 80x100mm or 3.2x4in"
         )
-    width, height = float(match[1]) * INCHES[match[2] or match[4]], float(match[3]) * INCHES[match[4]]
+    width, height = (
+        float(match[1]) * INCHES[match[2] or match[4]],
+        float(match[3]) * INCHES[match[4]],
+    )
     if not all(SMALLEST <= side <= LARGEST for side in (width, height)):
         least, most = SMALLEST * 2.54, LARGEST * 2.54
-        raise UsageError(f"size: a picture of {text} cannot be drawn; give {least:.1f} to {most:.0f} cm a side")
+        raise UsageError(
+            f"size: a picture of {text} cannot be drawn; give {least:.1f} to {most:.0f} cm a side"
+        )
     return width, height
 
 
@@ -135,12 +147,14 @@ _RAISED = re.compile(r"(?<![^\W\d_])([^\W\d_])([_^])(-?\d[\d.]*|\w{1,3})(?![\w.]
 
 
 def math(text: str) -> str:
-    """Words as matplotlib writes them, in which an index stands below its letter, and a power above."""
+    """Words as matplotlib writes them, in which an index stands below its letter, and a power
+    above."""
     return _RAISED.sub(r"$\1\2{\3}$", text.replace("$", r"\$"))
 
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
-    """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
+    """The settings of the pictures, for the time of a `with`; raises DrawError if there is no
+    matplotlib."""
     scale = look.letters / USUAL if look is not None else 1.0
     sizes = {key: scale * value for key, value in _STYLE.items() if key.endswith("size")}
     settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE | sizes)
@@ -148,7 +162,8 @@ def styled(look: Look | None = None) -> AbstractContextManager[None]:
 
 
 def pt(letters: float) -> float:
-    """Size of letters [pt] in a picture that is being styled, for what would be `letters` among usual ones."""
+    """Size of letters [pt] in a picture that is being styled, for what would be `letters` among
+    usual ones."""
     return letters * float(_matplotlib().rcParams["font.size"]) / USUAL
 
 
@@ -156,24 +171,30 @@ def _matplotlib() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise DrawError('pictures need matplotlib, which is not installed; pip install "tcstudy[plot]"') from error
+        raise DrawError(
+            'pictures need matplotlib, which is not installed; pip install "tcstudy[plot]"'
+        ) from error
     return matplotlib
 
 
 def check_target(target: Path) -> None:
-    """Raise DrawError, before any work is done, unless the name asks for a known format and pictures can be put there.
+    """Raise DrawError, before any work is done, unless the name asks for a known format and
+    pictures can be put there.
 
     Raises it, too, where there is no matplotlib.
     """
     if target.suffix.lower() not in SUFFIXES:
-        raise DrawError(f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them")
+        raise DrawError(
+            f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them"
+        )
     if faults := check_writable(target):
         raise DrawError("; ".join(faults))
     _matplotlib()
 
 
 def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
-    """Write a figure in the format of the suffix in place of an old one; the same figure gives the same bytes.
+    """Write a figure in the format of the suffix in place of an old one; the same figure gives the
+    same bytes.
 
     Raises DrawError if the file cannot be written; an old one is then untouched.
     """
@@ -196,11 +217,13 @@ def shown(figure: Figure, dpi: int = DPI) -> Figure:
 
 
 NARROW = 100.0
-"""Ratio of the ends of a logarithmic axis up to which powers of ten would leave it with one tick or none."""
+"""Ratio of the ends of a logarithmic axis up to which powers of ten would leave it with one tick or
+none."""
 
 
 def few_ticks(axis: Axis) -> None:
-    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other and off the page."""
+    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other
+    and off the page."""
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     low, high = sorted(axis.get_view_interval())
@@ -215,6 +238,7 @@ _STATED = re.compile(r"(\w+) = (-?[\d.][^\s,]*)((?: [^\s,]+)*)(?=, |$)")
 
 
 def point_words(text: str) -> str:
-    """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
+    """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised
+    exponents."""
     named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])}: ", text)
     return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)

@@ -1,4 +1,5 @@
-"""Pictures of a whole sweep: curves of one number over one parameter, families by another; a map over two parameters.
+"""Pictures of a whole sweep: curves of one number over one parameter, families by another; a map
+over two parameters.
 
 Points without a solution have no number: they are left out, counted, and said with their status.
 """
@@ -111,14 +112,18 @@ class SweepPicture:
 def read_sweep(
     path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int
 ) -> SweepPicture:
-    """Read the points of a sweep with the labels `point`, along the parameters `along` (see `fitting`).
+    """Read the points of a sweep with the labels `point`, along the parameters `along` (see
+    `fitting`).
 
-    Raises StoreError if `path` is no complete result file, DrawError for names that it does not have.
+    Raises StoreError if `path` is no complete result file, DrawError for names that it does not
+    have.
     """
     with open_results(path) as tree:
         data = tree.to_dataset()
         if not axis_names(data):
-            raise DrawError("the file has one point and no swept parameter; draw the point, without x, y and map")
+            raise DrawError(
+                "the file has one point and no swept parameter; draw the point, without x, y and map"
+            )
         names = tuple(parameter(data, given) for given in along)
         if len(set(names)) < len(names):
             raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
@@ -126,25 +131,38 @@ def read_sweep(
         keep, fixed = fitting(data, point, names)
         needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
-        labelled, about = labels_by_point(data), {"long_name": name, "units": "1"} | data[name].attrs
+        labelled, about = (
+            labels_by_point(data),
+            {"long_name": name, "units": "1"} | data[name].attrs,
+        )
 
     def flat(key: str) -> NDArray[Any]:
         return by_point(at[key], at)[keep] if key in at else np.full(int(keep.sum()), np.nan)
 
     status, values, unique = flat("status"), flat(name), flat("unique") == 1
-    good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
+    good = (
+        (status == PointStatus.OK)
+        & np.isfinite(values)
+        & ((values != -1) | (values.dtype.kind == "f"))
+    )
     gone = [
         f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
         for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
     ]
-    left_out = f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}" if gone else ""
+    left_out = (
+        f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}"
+        if gone
+        else ""
+    )
     with np.errstate(invalid="ignore"):
         of = ["lambda_1", *(one for one in BAND if one in at)]
         excess = tuple(np.where(good, flat("omega") - flat(one), np.nan) for one in of)
     return SweepPicture(
         title=str(data.attrs["title"]),
         quantity=name,
-        axis=scale(spelled(str(about["long_name"])), values[good].astype(float), str(about["units"])),
+        axis=scale(
+            spelled(str(about["long_name"])), values[good].astype(float), str(about["units"])
+        ),
         parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
         fixed=(*fixed, f"level {n}"),
         left_out=left_out,
@@ -165,7 +183,14 @@ def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
     different, place = np.unique(held, return_inverse=True)
     divisor, unit = study_unit(axis.attrs) or axis_unit(different, str(axis.attrs["units"]))
     numbers = different / divisor
-    return Along(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel(), "distribution" in axis.attrs)
+    return Along(
+        name,
+        tuple(labels(numbers.tolist())),
+        numbers,
+        unit,
+        place.ravel(),
+        "distribution" in axis.attrs,
+    )
 
 
 def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
@@ -175,22 +200,33 @@ def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
 
 
 def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
-    """One number over the first parameter of the sweep, a curve for each value of the second if there is one."""
+    """One number over the first parameter of the sweep, a curve for each value of the second if
+    there is one."""
     from matplotlib import colormaps
 
     x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
     (sheet, axes), panel = _sheet(sweep, look), Panel(Scale(x.title), sweep.axis, grid=True)
     across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
     shaded = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
-    colours = list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels)))) if by and shaded else style.SERIES
+    colours = (
+        list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels))))
+        if by and shaded
+        else style.SERIES
+    )
     every = -(-len(by.labels) // MOST_NAMED) if by else 1
     for k in range(len(by.labels) if by else 1):
         own = np.flatnonzero(by.place == k) if by else np.arange(len(sweep.values))
         own = own[np.argsort(x.place[own], kind="stable")]
         at, values = across[x.place[own]], sweep.values[own]
-        joined = x.numbers is not None and not x.random and len(np.unique(at)) == len(at)  # a list may share its x
+        joined = (
+            x.numbers is not None and not x.random and len(np.unique(at)) == len(at)
+        )  # a list may share its x
         mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
-        how = {"color": colours[k % len(colours)], "linestyle": "-" if joined else "none", "linewidth": 1.3}
+        how = {
+            "color": colours[k % len(colours)],
+            "linestyle": "-" if joined else "none",
+            "linewidth": 1.3,
+        }
         name = by.labels[k] if by and k % every == 0 else ""
         panel.line(at, values, marker=mark, markersize=4, label=name, **how)
         if len(missing := at[np.isnan(values)]):
@@ -200,7 +236,10 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         panel.ticks = across.tolist(), list(x.labels)
         panel.limits[0] = -0.5, len(across) - 0.5
     elif len(across) > 2 and across.min() > 0.0 and not x.random:
-        spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
+        spread = [
+            float(np.ptp(step) / np.mean(step))
+            for step in (np.diff(across), np.diff(np.log(across)))
+        ]
         if spread[1] < spread[0]:  # the values were spaced like that
             panel.log = True, False
             few = slice(None, None, -(-len(across) // 9))
@@ -214,11 +253,13 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
 
 
 def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
-    """One number over two parameters: a cell for each pair of values, of random ones a mark for each point.
+    """One number over two parameters: a cell for each pair of values, of random ones a mark for
+    each point.
 
-    Hatched: not proved to be the only solution, of a number of equilibria not proved to be all. Outlined: starts led to
-    solutions of different energies. Crosses: no solution. Blank: a pair that the sweep does not have. A line parts
-    cells with different numbers of equilibria, as folds lie there; on a dashed one ω = λ₁, below which one is proved.
+    Hatched: not proved to be the only solution, of a number of equilibria not proved to be all.
+    Outlined: starts led to solutions of different energies. Crosses: no solution. Blank: a pair
+    that the sweep does not have. A line parts cells with different numbers of equilibria, as folds
+    lie there; on a dashed one ω = λ₁, below which one is proved.
     """
     from matplotlib.colors import BoundaryNorm
 
@@ -231,10 +272,22 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         how["norm"] = BoundaryNorm(edges, 256)
     if x.random and y.random and x.numbers is not None and y.numbers is not None:
         at = np.stack([x.numbers[x.place], y.numbers[y.place]])
-        drawn: Any = axes.scatter(at[0, known], at[1, known], 20, values[known], linewidths=0, **how)
-        for which, name, mark in ((known & sweep.proved, "proved unique", "o"), (~known, "no solution", "x")):
+        drawn: Any = axes.scatter(
+            at[0, known], at[1, known], 20, values[known], linewidths=0, **how
+        )
+        for which, name, mark in (
+            (known & sweep.proved, "proved unique", "o"),
+            (~known, "no solution", "x"),
+        ):
             if which.any():
-                axes.plot(*at[:, which], mark, color=style.INK, fillstyle="none", markersize=4.6, label=name)
+                axes.plot(
+                    *at[:, which],
+                    mark,
+                    color=style.INK,
+                    fillstyle="none",
+                    markersize=4.6,
+                    label=name,
+                )
     else:
         drawn = _cells(sheet, axes, sweep, values, how)
     axes.set(xlabel=style.math(x.title), ylabel=style.math(y.title))
@@ -245,7 +298,9 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     return sheet.finish()
 
 
-def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]) -> Any:
+def _cells(
+    sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]
+) -> Any:
     from matplotlib.patches import Rectangle
 
     x, y = sweep.parameters
@@ -253,15 +308,28 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
     for i, (row, column) in enumerate(zip(y.place, x.place, strict=True)):
         if grid[row, column] >= 0:
             where = f"{x.name} = {x.labels[column]} and {y.name} = {y.labels[row]}"
-            raise DrawError(f"several points of the list have {where}; choose one value of another parameter")
+            raise DrawError(
+                f"several points of the list have {where}; choose one value of another parameter"
+            )
         grid[row, column] = i
     there, shown = grid >= 0, np.where(grid >= 0, values[grid], np.nan)
-    known, counts, mesh = there & np.isfinite(shown), sweep.at_least is not None, len(sweep.excess) > 1
+    known, counts, mesh = (
+        there & np.isfinite(shown),
+        sweep.at_least is not None,
+        len(sweep.excess) > 1,
+    )
     open_ = known & (sweep.at_least[grid] if sweep.at_least is not None else ~sweep.proved[grid])
-    drawn = axes.pcolormesh(np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how)
+    drawn = axes.pcolormesh(
+        np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how
+    )
     kinds: tuple[tuple[Flags, dict[str, Any], dict[str, Any], str], ...] = (
         (there & ~known, GONE, {}, "no solution"),
-        (open_, OPEN, OPEN_KEY, "at least so many" if counts else "not proved unique" + " on the mesh" * mesh),
+        (
+            open_,
+            OPEN,
+            OPEN_KEY,
+            "at least so many" if counts else "not proved unique" + " on the mesh" * mesh,
+        ),
         (known & sweep.several[grid] & (not counts), SEVERAL, {}, "several solutions found"),
     )
     for which, look, in_key, name in kinds:  # hatches or outlines of the cells (rows, columns)
@@ -269,17 +337,25 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
             axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **look))
         if which.any():
             axes.fill([], [], **{"facecolor": "none"} | look | in_key, label=name)
-    for cells, turned in ((shown, False), (shown.T, True)) if counts else ():  # between different numbers of equilibria
+    for cells, turned in (
+        ((shown, False), (shown.T, True)) if counts else ()
+    ):  # between different numbers of equilibria
         a, b = cells[:, 1:], cells[:, :-1]
         for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
             ends = [column + 1] * 2, [row, row + 1]
             axes.plot(*(ends[::-1] if turned else ends), **FOLD)
-    looks = (EQUAL, "ω = $λ_1$" + " of the mesh" * mesh), (BOUND, "bounds of $λ_1$ of the body"), (BOUND, None)
+    looks = (
+        (EQUAL, "ω = $λ_1$" + " of the mesh" * mesh),
+        (BOUND, "bounds of $λ_1$ of the body"),
+        (BOUND, None),
+    )
     for above, (line, label) in zip(sweep.excess, looks, strict=False):
         excess = np.where(there, above[grid], np.nan)
         if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
             middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
-            axes.contour(*middles, excess, levels=[0.0], **{f"{key}s": value for key, value in line.items()})
+            axes.contour(
+                *middles, excess, levels=[0.0], **{f"{key}s": value for key, value in line.items()}
+            )
             axes.plot([], [], **line, label=label)
     most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))

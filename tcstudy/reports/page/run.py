@@ -1,7 +1,9 @@
-"""What the page has of a run: numbers of every point, and of a history its totals; bodies, contact lines and laws.
+"""What the page has of a run: numbers of every point, and of a history its totals; bodies, contact
+lines and laws.
 
-What a node does and the pieces of a law stand in the data: the scripts have no rules of their own and know no law by
-name. Live data are what the page needs to solve contact problems by itself: those of one level, and every point's.
+What a node does and the pieces of a law stand in the data: the scripts have no rules of their own
+and know no law by name. Live data are what the page needs to solve contact problems by itself:
+those of one level, and every point's.
 """
 
 from __future__ import annotations
@@ -15,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import kind_of
-from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, of_largest, open_results, sweep_dims
+from tcstudy.data.reading import (
+    GEOMETRIES,
+    asked,
+    axis_names,
+    by_point,
+    of_largest,
+    open_results,
+    sweep_dims,
+)
 from tcstudy.data.schema import STICKS, PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.laws.composed import EdgeLaws
@@ -42,7 +52,8 @@ from tcstudy.scene.points import combinations
 from tcstudy.scene.study import Study
 
 MOST_SOLUTIONS = 100_000
-"""Points times levels that a page holds: more marks no screen shows, and more numbers no browser unpacks at once."""
+"""Points times levels that a page holds: more marks no screen shows, and more numbers no browser
+unpacks at once."""
 MOST_SCENES = 20_000
 """Points up to which their scenes are read, with their laws; of more the body alone is known."""
 
@@ -80,7 +91,8 @@ class Stored:
 
 
 def read(path: Path, whole: bool = False) -> Stored:
-    """What is in a result file; of a long sweep no more than MOST_SOLUTIONS, evenly taken, unless the whole is wanted.
+    """What is in a result file; of a long sweep no more than MOST_SOLUTIONS, evenly taken, unless
+    the whole is wanted.
 
     Raises StoreError if it is none or not complete.
     """
@@ -90,11 +102,23 @@ def read(path: Path, whole: bool = False) -> Stored:
         steps = _steps(root) if kind == "run" and "status" in root and not whole else {}
         data = of_largest(root.isel(steps).load())
         if kind == "run" and not {"status", "level"} <= set(data.variables):
-            raise StoreError(f"{path} is no file of a command of tcstudy, so there is no page of it")
-        swept = kind != "run" or GEOMETRIES in data.attrs or root["status"].isel(level=0).size <= MOST_SCENES
+            raise StoreError(
+                f"{path} is no file of a command of tcstudy, so there is no page of it"
+            )
+        swept = (
+            kind != "run"
+            or GEOMETRIES in data.attrs
+            or root["status"].isel(level=0).size <= MOST_SCENES
+        )
         study = stored_study(data, swept)
         found = Stored(
-            path, kind, data, *_levels(tree, steps), study, homes=_homes(path, tree, data, study), swept=swept
+            path,
+            kind,
+            data,
+            *_levels(tree, steps),
+            study,
+            homes=_homes(path, tree, data, study),
+            swept=swept,
         )
         if steps:
             shape = [int(root.sizes[dim]) for dim in sweep_dims(root)]
@@ -104,7 +128,8 @@ def read(path: Path, whole: bool = False) -> Stored:
 
 
 def _steps(root: Any) -> dict[str, slice]:
-    """By sweep dimension every how many-th place is kept, so that no more than MOST_SOLUTIONS are; empty for all.
+    """By sweep dimension every how many-th place is kept, so that no more than MOST_SOLUTIONS are;
+    empty for all.
 
     Of several geometries all are.
     """
@@ -117,15 +142,25 @@ def _steps(root: Any) -> dict[str, slice]:
     return {dim: slice(None, None, step) for dim, step in every.items()}
 
 
-def _levels(tree: Any, steps: dict[str, slice] | None = None) -> tuple[dict[int, Any], dict[int, Any]]:
+def _levels(
+    tree: Any, steps: dict[str, slice] | None = None
+) -> tuple[dict[int, Any], dict[int, Any]]:
     """The groups of the levels of a run, and of their live data."""
-    levels = {n: tree[f"level_{n}"] for n in range(tree.sizes.get("level", 0)) if f"level_{n}" in tree.children}
+    levels = {
+        n: tree[f"level_{n}"]
+        for n in range(tree.sizes.get("level", 0))
+        if f"level_{n}" in tree.children
+    }
 
     def kept(data: Any) -> Any:
         return data.isel(steps or {}, missing_dims="ignore").load()
 
     groups = {n: kept(group.to_dataset(inherit=False)) for n, group in levels.items()}
-    live = {n: kept(group["live"].to_dataset()) for n, group in levels.items() if "live" in group.children}
+    live = {
+        n: kept(group["live"].to_dataset())
+        for n, group in levels.items()
+        if "live" in group.children
+    }
     return groups, live
 
 
@@ -134,17 +169,29 @@ def _homes(path: Path, tree: Any, data: Any, study: Study | None) -> tuple[Store
     for i in range(int(data.attrs.get(GEOMETRIES, 0))):
         group = tree.children.get(f"geometry_{i}")
         own = None if study is None else study.variants[i].study
-        found.append(group and Stored(path, "run", group.to_dataset(inherit=False).load(), *_levels(group), own))
+        found.append(
+            group
+            and Stored(path, "run", group.to_dataset(inherit=False).load(), *_levels(group), own)
+        )
     return tuple(found)
 
 
 ROOM_FOR_DOUBLES = 300_000
-"""Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
+"""Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has
+all)."""
 DIAGNOSTIC = ("inclusion_", "iterations", "evaluations", "heat_balance", "time_", "lambda_1_error")
 """How numbers begin that stand after the others."""
 SUMS = ("dissipated", "released", "work", "jumps")
 """Numbers of which a point of a history has the sum over its steps."""
-FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used", "complete")
+FLAGS = (
+    "status",
+    "unique",
+    "strict_minimum",
+    "global_minimum",
+    "heat_status",
+    "start_used",
+    "complete",
+)
 LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
@@ -153,12 +200,17 @@ DECAYS = 6.0
 ALONG = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
 """What runs along the contact line: its names on the page and in the file."""
 
-# -- points ------------------------------------------------------------------------------------------------------------
+# -- points
+# ------------------------------------------------------------------------------------------------------------
 
 
 def run_part(stored: Stored, box: Container) -> Json:
-    """Axes, numbers and flags, with points flattened in C order of the sweep; of a history its totals."""
-    data, dims = totals(stored.data) if stored.kind == "history" else stored.data, sweep_dims(stored.data)
+    """Axes, numbers and flags, with points flattened in C order of the sweep; of a history its
+    totals."""
+    data, dims = (
+        totals(stored.data) if stored.kind == "history" else stored.data,
+        sweep_dims(stored.data),
+    )
 
     def flat(name: str) -> Any:
         return by_point(data[name], data)
@@ -166,7 +218,9 @@ def run_part(stored: Stored, box: Container) -> Json:
     held = {name: flat(name) for name in numbers_of(data) if name != "inclusion_rounding"}
     held = {name: values for name, values in held.items() if np.isfinite(values).any()}
     first = [name for name in ("u_T_max", *asked(data)) if name in held]
-    rest = sorted((name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC))
+    rest = sorted(
+        (name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC)
+    )
     kind = "f8" if data["status"].size * len(held) * 8 <= ROOM_FOR_DOUBLES else "f4"
     flags, starts = {name: flat(name) for name in FLAGS if name in data}, "start_energy" in data
     flags |= {"several": several(flat("start_energy"), flags["unique"] == 1)} if starts else {}
@@ -180,7 +234,9 @@ def run_part(stored: Stored, box: Container) -> Json:
         "levels": level_numbers(data),
         "numbers": {
             name: {
-                "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
+                "long_name": ": ".join(
+                    data[name].attrs.get(key, "") for key in ("long_name", "comment")
+                ).rstrip(": "),
                 "units": str(data[name].attrs["units"]),
                 "v": box.array(held[name], "f8" if name == "energy" else kind),
             }
@@ -197,15 +253,22 @@ def run_part(stored: Stored, box: Container) -> Json:
 
 
 def totals(data: Any) -> Any:
-    """A history as a run of one level: sums over its solved steps, and what holds in all of them."""
+    """A history as a run of one level: sums over its solved steps, and what holds in all of
+    them."""
     solved = data["status"] == int(PointStatus.OK)
     numbers = data[list(SUMS)].where(solved).sum("step", min_count=1, keep_attrs=True)
     numbers["u_T_max"] = data["u_T_max"].where(solved).max("step", keep_attrs=True)
     numbers["steps"] = (solved.sum("step") - 1.0).assign_attrs(long_name="steps solved", units="1")
     flags = data[[name for name in FLAGS if name in data and name != "status"]]
-    judged = flags.where(solved, 1).isel(step=slice(1, None))  # nothing is proved of step 0, from which all go on
-    found = numbers.assign(judged.min("step", keep_attrs=True).astype("i1").data_vars).assign(reason=data["reason"])
-    found["status"] = solved.all("step").astype("i1") + int(PointStatus.NOT_CONVERGED) * ~solved.all("step")
+    judged = flags.where(solved, 1).isel(
+        step=slice(1, None)
+    )  # nothing is proved of step 0, from which all go on
+    found = numbers.assign(judged.min("step", keep_attrs=True).astype("i1").data_vars).assign(
+        reason=data["reason"]
+    )
+    found["status"] = solved.all("step").astype("i1") + int(
+        PointStatus.NOT_CONVERGED
+    ) * ~solved.all("step")
     sizes = {name: data[name].expand_dims("level") for name in LEVEL_NUMBERS if name in data}
     return found.expand_dims(level=1, axis=-1).assign(sizes).assign_attrs(data.attrs)
 
@@ -217,8 +280,15 @@ def level_numbers(data: Any) -> Json:
 
 def time_of_levels(geometries: Sequence[Any]) -> Json:
     """The times of the levels of all geometries together."""
-    names = [name for name in LEVEL_NUMBERS if name.startswith("time") and all(name in data for data in geometries)]
-    return {name: np.nansum([data[name].values for data in geometries], axis=0).tolist() for name in names}
+    names = [
+        name
+        for name in LEVEL_NUMBERS
+        if name.startswith("time") and all(name in data for data in geometries)
+    ]
+    return {
+        name: np.nansum([data[name].values for data in geometries], axis=0).tolist()
+        for name in names
+    }
 
 
 def axes(data: Any) -> list[Json]:
@@ -227,12 +297,17 @@ def axes(data: Any) -> list[Json]:
     for name in axis_names(data):
         values, attrs = data[name].values, data[name].attrs
         about: Json = {"name": name, "units": str(attrs.get("units", "1"))}
-        about |= {"numeric": values.dtype.kind not in "OUS", "values": values.tolist(), "dim": str(data[name].dims[0])}
+        about |= {
+            "numeric": values.dtype.kind not in "OUS",
+            "values": values.tolist(),
+            "dim": str(data[name].dims[0]),
+        }
         found.append(about | {"written": study_unit(attrs), "drawn": "distribution" in attrs})
     return found
 
 
-# -- bodies and contact lines ------------------------------------------------------------------------------------------
+# -- bodies and contact lines
+# ------------------------------------------------------------------------------------------
 
 
 def shape(study: Study | None) -> Json:
@@ -244,18 +319,24 @@ def shape(study: Study | None) -> Json:
 
 
 def drawn_level(stored: Stored) -> int | None:
-    """The finest level with stored fields that is not too fine to draw; else the coarsest with fields."""
+    """The finest level with stored fields that is not too fine to draw; else the coarsest with
+    fields."""
     having = [n for n, group in stored.groups.items() if "u_x" in group and "node_x" in group]
     fitting = [n for n in having if stored.groups[n].sizes["mesh_node"] <= MOST_NODES]
     return max(fitting) if fitting else min(having, default=None)
 
 
 def body_part(stored: Stored, level: int, box: Container) -> Json:
-    """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their range)."""
+    """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their
+    range)."""
     group = stored.groups[level]
     x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
     xy, named = np.column_stack([x, y]), outline(stored.study)
-    fields = {name: by_point(group[name], stored.data) for name in ("u_x", "u_y", "theta") if name in group}
+    fields = {
+        name: by_point(group[name], stored.data)
+        for name in ("u_x", "u_y", "theta")
+        if name in group
+    }
     fields = {name: np.where(np.isfinite(values), values, 0.0) for name, values in fields.items()}
     edges = boundary_edges(xy, triangles.astype(np.intp))
     return {
@@ -273,7 +354,8 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
 
 
 def line_part(stored: Stored, level: int, box: Container) -> Json:
-    """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
+    """One level's contact line with u_T, ξ and states of all points, flattened in C order of the
+    sweep."""
     group = stored.groups[level]
     u_T, sticks = (by_point(group[name], stored.data) for name in ("u_T", "sticks"))
     found = line_along(group, lambda values: by_point(values, stored.data), box)
@@ -281,7 +363,9 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
     found["state"] = box.array(_states(stored, group, u_T, slice(None), sticks == STICKS), "i1")
     if "held_u_T" in group:
         found["held_u_T"] = box.rows(by_point(group["held_u_T"], stored.data))
-    if "solution_u_T" in group and stored.kept is None:  # of a point one after the other, lowest first
+    if (
+        "solution_u_T" in group and stored.kept is None
+    ):  # of a point one after the other, lowest first
         point, u_T, xi = (group[f"solution_{name}"].values for name in ("point", "u_T", "xi"))
         first = np.searchsorted(point, np.arange(stored.data["status"][..., -1].size + 1))
         found["every"] = {
@@ -290,15 +374,19 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
             "stable": box.array(group["solution_stable"].values, "i1"),
             "u_T": box.rows(u_T),
             "xi": box.rows(xi),
-            "state": box.array(_states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool)), "i1"),
+            "state": box.array(
+                _states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool)), "i1"
+            ),
         }
     return found
 
 
 def line_along(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
-    """A contact line with what runs along it and its units; rows: makes (P, m) values of a variable.
+    """A contact line with what runs along it and its units; rows: makes (P, m) values of a
+    variable.
 
-    `held` says whether a part ends at a node without unknown, `ends` which of `held_u_T` is its slip (-1 for none).
+    `held` says whether a part ends at a node without unknown, `ends` which of `held_u_T` is its
+    slip (-1 for none).
     """
     line = contact_line(data)
     found: Json = {name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")}
@@ -310,7 +398,10 @@ def line_along(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
     ]  # fmt: skip
     for name, key in ALONG.items():
         if key in data:
-            found |= {name: box.rows(rows(data[key])), f"{name}_units": str(data[key].attrs["units"])}
+            found |= {
+                name: box.rows(rows(data[key])),
+                f"{name}_units": str(data[key].attrs["units"]),
+            }
     return found
 
 
@@ -328,13 +419,20 @@ def _states(stored: Stored, group: Any, u_T: Any, points: Any, sticks: Any) -> A
 def live_part(stored: Stored, box: Container) -> Json | None:
     """The finest level that has live data; None where no point is valid or the run kept none.
 
-    A_tilde is symmetric: its lower triangle by rows. proved: λ₁ less its error, which ω is to be below.
+    A_tilde is symmetric: its lower triangle by rows. proved: λ₁ less its error, which ω is to be
+    below.
     """
-    usable = [n for n, data in stored.live.items() if "load" in data and np.any(data["valid"].values == 1.0)]
+    usable = [
+        n
+        for n, data in stored.live.items()
+        if "load" in data and np.any(data["valid"].values == 1.0)
+    ]
     if not usable or stored.study is None:
         return None
     level, run = max(usable), stored.data
-    lambda_1, error = (by_point(run[name], run)[:, level] for name in ("lambda_1", "lambda_1_error"))
+    lambda_1, error = (
+        by_point(run[name], run)[:, level] for name in ("lambda_1", "lambda_1_error")
+    )
     data, A_tilde = stored.live[level], stored.live[level]["A_tilde"].values
     names = ("stiffness", "valid", "load", "mechanical_load")
     return {
@@ -347,11 +445,13 @@ def live_part(stored: Stored, box: Container) -> Json | None:
     }
 
 
-# -- laws --------------------------------------------------------------------------------------------------------------
+# -- laws
+# --------------------------------------------------------------------------------------------------------------
 
 
 def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
-    """The different frictions of a study, and which of them every point of its file has that is kept.
+    """The different frictions of a study, and which of them every point of its file has that is
+    kept.
 
     Where one has a law of every edge all have, in one order.
     """
@@ -362,16 +462,21 @@ def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp
     _, first = np.unique(of, return_index=True)
     order = of[np.sort(first)]  # as the file has them
     found = [some[k].friction for k in order]
-    if names := next(([edge for edge, *_ in one.laws] for one in found if isinstance(one, EdgeLaws)), None):
+    if names := next(
+        ([edge for edge, *_ in one.laws] for one in found if isinstance(one, EdgeLaws)), None
+    ):
         each = [{edge: (law, strength) for edge, law, strength in edge_laws(one)} for one in found]
-        found = [EdgeLaws(tuple((name, *(own.get(name) or own[""])) for name in names)) for own in each]
+        found = [
+            EdgeLaws(tuple((name, *(own.get(name) or own[""])) for name in names)) for own in each
+        ]
     return found, np.argsort(order)[of]
 
 
 def law_part(stored: Stored) -> Json | None:
     """The different laws of a study and which one every point has; None if the study does not say.
 
-    A point has a law of every edge, in the order of `edges`, of "" where friction is the same along the line.
+    A point has a law of every edge, in the order of `edges`, of "" where friction is the same along
+    the line.
     """
     frictions, of = frictions_of(stored)
     if not frictions:
@@ -379,28 +484,55 @@ def law_part(stored: Stored) -> Json | None:
     numbers, laws_of = dict[Laws, int](), [edge_laws(friction) for friction in frictions]
     index = [[numbers.setdefault(law, len(numbers)) for _, law, _ in laws] for laws in laws_of]
     edges = [edge for edge, _, _ in laws_of[0]]
-    return {"laws": [drawn_law(law) for law in numbers], "index": [index[k] for k in of], "edges": edges}
+    return {
+        "laws": [drawn_law(law) for law in numbers],
+        "index": [index[k] for k in of],
+        "edges": edges,
+    }
 
 
 def _nodes(stored: Stored, line: LineFields, box: Container) -> Json:
-    """By edge: which of the edges' laws a node has, the different strengths along the line and which a point has.
+    """By edge: which of the edges' laws a node has, the different strengths along the line and
+    which a point has.
 
     A joint has none of them (-1), but a mixture, which is not drawn.
     """
     frictions, of = frictions_of(stored)
-    xy, by_edge = np.stack([line.x, line.y], axis=1), [one for one in frictions if isinstance(one, EdgeLaws)]
+    xy, by_edge = (
+        np.stack([line.x, line.y], axis=1),
+        [one for one in frictions if isinstance(one, EdgeLaws)],
+    )
     if not by_edge:
         return {}
-    factors = np.stack([one.factors(line.edge_names, line.edge, xy, line.joints) for one in by_edge])
+    factors = np.stack(
+        [one.factors(line.edge_names, line.edge, xy, line.joints) for one in by_edge]
+    )
     has = ~np.isnan(factors[0])
     mixed = has.sum(axis=0) > 1
-    rows, which = np.unique(np.where(mixed, 1.0, np.nanmax(factors, axis=1)), axis=0, return_inverse=True)
+    rows, which = np.unique(
+        np.where(mixed, 1.0, np.nanmax(factors, axis=1)), axis=0, return_inverse=True
+    )
     of_law = np.where(mixed, -1, np.argmax(has, axis=0))
-    return {"of_law": box.array(of_law, "i1"), "strengths": box.rows(rows), "strength_of": which.ravel()[of].tolist()}
+    return {
+        "of_law": box.array(of_law, "i1"),
+        "strengths": box.rows(rows),
+        "strength_of": which.ravel()[of].tolist(),
+    }
 
 
 def drawn_law(law: Laws) -> Json:
     """A law as the pieces that it is made of, which the page draws and by which it solves."""
     numbers = (law.kinks, law.kinds, law.s_0, law.b_0, law.q, law.a, law.r)
-    pieces = dict(zip(("kinks", "kinds", "s0", "b0", "q", "a", "r"), (one.tolist() for one in numbers), strict=True))
-    return {"name": law.name, "omega": law.omega, "reach": slip_range(law, DECAYS), "pieces": pieces}
+    pieces = dict(
+        zip(
+            ("kinks", "kinds", "s0", "b0", "q", "a", "r"),
+            (one.tolist() for one in numbers),
+            strict=True,
+        )
+    )
+    return {
+        "name": law.name,
+        "omega": law.omega,
+        "reach": slip_range(law, DECAYS),
+        "pieces": pieces,
+    }

@@ -1,4 +1,5 @@
-"""The page put together: what it holds, how large it may be, and what is left out where that is too much."""
+"""The page put together: what it holds, how large it may be, and what is left out where that is too
+much."""
 
 from __future__ import annotations
 
@@ -76,9 +77,16 @@ def convergence_sections(stored: Stored, box: Container) -> list[Json]:
     for where in points[:MOST_POINTS]:
         at = data.isel(where)
         panels = [panel_part(one, box, high=300) for one in convergence_panels(at).values()]
-        shown[describe(data, where) or "the point"] = [beside(*panels), *text_parts(accuracy.tables(at))]
+        shown[describe(data, where) or "the point"] = [
+            beside(*panels),
+            *text_parts(accuracy.tables(at)),
+        ]
     told = [f"Reference: {data.attrs['reference']}.", accuracy.LEGEND, *accuracy.notes(data)]
-    told += [f"The first {MOST_POINTS} of {len(points)} points; the file has all."] if len(points) > MOST_POINTS else []
+    told += (
+        [f"The first {MOST_POINTS} of {len(points)} points; the file has all."]
+        if len(points) > MOST_POINTS
+        else []
+    )
     parts = choice("point", "p", shown), {"part": "text", "lines": told}
     return [section("Convergence over the levels", "main-part", *parts)]
 
@@ -90,7 +98,11 @@ def cost_sections(stored: Stored, box: Container) -> list[Json]:
     for m in sorted(held, key=lambda m: m.name != accuracy.DEFAULT):
         panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
         shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_of(data, m.name))]
-    part = choice("error of", "error", shown) if shown else {"part": "text", "lines": ["Nothing was measured."]}
+    part = (
+        choice("error of", "error", shown)
+        if shown
+        else {"part": "text", "lines": ["Nothing was measured."]}
+    )
     return [section("Accuracy against cost", "errors", part)]
 
 
@@ -98,8 +110,16 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     """The response curve and what is said of it, one state, and all vertices."""
     data = stored.data
     m, vertices, pieces = (int(data.sizes[name]) for name in ("node", "vertex", "piece"))
-    keep = np.unique(np.append(np.arange(0, vertices, max(1, -(-4 * m * vertices // STATES_BYTES))), vertices - 1))
-    name, t, units = str(data.attrs["parameter"]), data["parameter"].values, str(data["parameter"].attrs["units"])
+    keep = np.unique(
+        np.append(
+            np.arange(0, vertices, max(1, -(-4 * m * vertices // STATES_BYTES))), vertices - 1
+        )
+    )
+    name, t, units = (
+        str(data.attrs["parameter"]),
+        data["parameter"].values,
+        str(data["parameter"].attrs["units"]),
+    )
 
     shown = {}
     for key, (title, *_) in RESPONSES.items():
@@ -111,34 +131,65 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
     inside = [int(v) for v in paths.folds_of(data) if low <= t[v] <= high]
     first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
-    texts = [f"{symbol(name)} = {value:.4g} {scaled.label.strip(' []')}".rstrip() for value in scaled(t[keep])]
+    texts = [
+        f"{symbol(name)} = {value:.4g} {scaled.label.strip(' []')}".rstrip()
+        for value in scaled(t[keep])
+    ]
     laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
     line = _line(data, keep, state, False, box)
-    line["law"] = laws["laws"][0] if laws is not None and len(laws["edges"]) == 1 else None  # that all nodes have
-    title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
+    line["law"] = (
+        laws["laws"][0] if laws is not None and len(laws["edges"]) == 1 else None
+    )  # that all nodes have
+    title = (
+        "1  All equilibria of the range"
+        if int(data.get("complete", 0))
+        else "1  Equilibria on this path"
+    )
     slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
     told = text_parts(paths.path_parts(data))
     found = [section(title, "path", slider, choice("response", "response", shown), *told)]
     found.append(section("2  One state on the path", "point", line))
     if len(keep) == vertices:
-        sheet = sheet_part(columns_of(data, "vertex", box), "path", states=True, chart=("parameter", "energy"))
+        sheet = sheet_part(
+            columns_of(data, "vertex", box), "path", states=True, chart=("parameter", "energy")
+        )
         found.append(section("3  All vertices", "table", sheet))
     return found
 
 
-FACTS = ("cycle", "friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "unique")
+FACTS = (
+    "cycle",
+    "friction_resultant",
+    "u_T_max",
+    "slip_length",
+    "dissipated",
+    "jumps",
+    "inclusion_residual",
+    "unique",
+)
 """Those of the step that is looked at."""
 
 
 def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Container) -> Json:
-    """One point of a history: loop, steps, what nodes do, energies, cycles and the table of all steps."""
+    """One point of a history: loop, steps, what nodes do, energies, cycles and the table of all
+    steps."""
     data, told = solved_steps(part), [{"part": "text", "lines": paths.sentences_of(part)}]
     if not data.sizes["step"]:
         return {"point": told, "accuracy": [], "table": []}
-    names, loads, steps = loop_names(data), str(data.attrs["loads"]).split(), np.arange(data.sizes["step"])
-    panels, step_names = history_panels(data, *names), [str(one) for one in data["step_name"].values]
+    names, loads, steps = (
+        loop_names(data),
+        str(data.attrs["loads"]).split(),
+        np.arange(data.sizes["step"]),
+    )
+    panels, step_names = (
+        history_panels(data, *names),
+        [str(one) for one in data["step_name"].values],
+    )
     columns = columns_of(data.drop_vars("slip"), "step", box)
-    facts = {"part": "facts", "columns": [one for one in columns if one["name"] in (*loads, *FACTS)]}
+    facts = {
+        "part": "facts",
+        "columns": [one for one in columns if one["name"] in (*loads, *FACTS)],
+    }
     loop = panel_part(panels.pop("loop"), box, (data[names[0]].values, data[names[1]].values), 380)
     texts = [f"{i}, {name}" if name else str(i) for i, name in enumerate(step_names)]
     point = [*told, states("step", texts, len(texts) - 1), beside(loop, facts)]
@@ -146,19 +197,31 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
     motion = panels.pop("motion")
     if "lines" not in without:
         held = any(name.startswith("u_") for name in loads)
-        moved = paths.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
+        moved = paths.motion(
+            data["u_T"].values, data["jumped"].values if "jumped" in data else None
+        )
         line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box)
         line["moves"] = list(paths.MOVES)
         point.append(beside(line, panel_part(motion, box, (steps, middle), 250)))
     else:
-        point.append({"part": "text", "lines": ["The page was made without contact lines; the file has them."]})
+        point.append(
+            {
+                "part": "text",
+                "lines": ["The page was made without contact lines; the file has them."],
+            }
+        )
     sums = {name: np.cumsum(data[name].values) for name in ("work", "dissipated", "released")}
     units = str(data["dissipated"].attrs["units"])
-    for title, of in {"Body and loads": ("work", "energy"), "Bond": ("dissipated", "released", "stored")}.items():
+    for title, of in {
+        "Body and loads": ("work", "energy"),
+        "Bond": ("dissipated", "released", "stored"),
+    }.items():
         curves = {name: sums.get(name, data[name].values) for name in of}
         panel = Panel(Scale("step"), scale("energy", list(curves.values()), units), title)
         for (name, values), colour in zip(curves.items(), style.SERIES, strict=False):
-            panel.line(steps, values, color=colour, linewidth=1.3, label=name + ", sum" * (name in sums))
+            panel.line(
+                steps, values, color=colour, linewidth=1.3, label=name + ", sum" * (name in sums)
+            )
         panels = {title: panel} | panels
     energies = [panel_part(one, box, high=220) for one in panels.values()]
     sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
@@ -174,7 +237,11 @@ def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
 def fit_sections(stored: Stored, box: Container) -> list[Json]:
     """Data and curve, what was found, and all data; a state is a datum."""
     data, (given, measured) = stored.data, fit.columns(stored.data)
-    of, panels, rows = data["measured_column"].values, fit_panels(data), np.arange(data.sizes["row"])
+    of, panels, rows = (
+        data["measured_column"].values,
+        fit_panels(data),
+        np.arange(data.sizes["row"]),
+    )
     first = of == 0
     places = data["datum_given"].values if given else rows + 1.0
     at = np.where(first, places, np.nan), np.where(first, data["datum"].values, np.nan)
@@ -186,7 +253,11 @@ def fit_sections(stored: Stored, box: Container) -> list[Json]:
     told: list[Any] = [("datum", "datum", "1", rows + 1)]
     told += [("measured", "measured", "1", [measured[i][0] for i in of])] if len(one) > 1 else []
     told += [(given[0][0], symbol(given[0][0]), given[0][1], places)] if given else []
-    kinds = (("value", "value", "datum"), ("predicted", "of the study", "predicted"), ("noise", "noise", "noise"))
+    kinds = (
+        ("value", "value", "datum"),
+        ("predicted", "of the study", "predicted"),
+        ("noise", "noise", "noise"),
+    )
     told += [(key, title, units, data[variable].values) for key, title, variable in kinds]
     told.append(("residual", "residual / noise", "1", data["residual"].values))
     columns = [column(name, title, unit, values, box) for name, title, unit, values in told]
@@ -201,24 +272,41 @@ def fit_sections(stored: Stored, box: Container) -> list[Json]:
     ]
 
 
-SECTIONS = {"convergence": convergence_sections, "cost": cost_sections, "path": path_sections, "fit": fit_sections}
+SECTIONS = {
+    "convergence": convergence_sections,
+    "cost": cost_sections,
+    "path": path_sections,
+    "fit": fit_sections,
+}
 """What makes the page of a file of each kind that has no points to choose from."""
 
 
-SCRIPTS = ("format", "charts", "controls", "parts", "run", "point", "laws", "solver", "live", "main")
+SCRIPTS = (
+    "format",
+    "charts",
+    "controls",
+    "parts",
+    "run",
+    "point",
+    "laws",
+    "solver",
+    "live",
+    "main",
+)
 
 AIM = 1_900_000
 """Bytes that a page should not exceed: it still travels by mail and opens at once on a phone."""
 MOST = 10_000_000
 """Bytes that no page exceeds."""
 LEAVE_OUT = ("levels", "live", "body", "lines")
-"""What may be left out, in the order in which it goes where a page is too large: contact lines of the coarser levels,
-the data of the live mode, the body's fields, all contact lines."""
+"""What may be left out, in the order in which it goes where a page is too large: contact lines of
+the coarser levels, the data of the live mode, the body's fields, all contact lines."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: its size [byte] and what was left out because of it, one of LEAVE_OUT each."""
+    """What was written: its size [byte] and what was left out because of it, one of LEAVE_OUT
+    each."""
 
     path: Path
     size: int
@@ -228,20 +316,26 @@ class Written:
     def words(self) -> str:
         """One line that says what was written."""
         size = f"{self.size / 1e6:.1f} MB" if self.size >= 1e5 else f"{self.size / 1e3:.0f} kB"
-        left_out = f"; left out because of the size: {', '.join(self.left_out)}" if self.left_out else ""
+        left_out = (
+            f"; left out because of the size: {', '.join(self.left_out)}" if self.left_out else ""
+        )
         return f"{self.path}: {size}{left_out}"
 
 
 def write_page(path: Path, target: Path) -> Written:
     """Write the page of a result file, replacing an old page in one step.
 
-    Raises StoreError if `path` is no complete result file or `target` cannot be written, PageError if the page would
-    be larger than MOST or something else than a page would be lost.
+    Raises StoreError if `path` is no complete result file or `target` cannot be written, PageError
+    if the page would be larger than MOST or something else than a page would be lost.
     """
     if faults := check_writable(target):
         raise PageError("; ".join(faults))
-    if target.is_file() and not target.read_bytes()[:200].lstrip().lower().startswith(b"<!doctype html"):
-        raise PageError(f"{target} exists and is no page; it would be lost: choose another name with -o")
+    if target.is_file() and not target.read_bytes()[:200].lstrip().lower().startswith(
+        b"<!doctype html"
+    ):
+        raise PageError(
+            f"{target} exists and is no page; it would be lost: choose another name with -o"
+        )
     without: list[str] = []
     with reading(path):
         stored = read(path)
@@ -257,7 +351,8 @@ def write_page(path: Path, target: Path) -> Written:
 
 
 def _fitting(stored: Stored, without: list[str]) -> bytes:
-    """The page, less parts in their order until it is no larger than AIM; these are added to those left out."""
+    """The page, less parts in their order until it is no larger than AIM; these are added to those
+    left out."""
     if _lines(stored) > 2 * AIM:  # however they are packed
         without += [*["levels"] * (len(stored.groups) > 1), "lines"]
     text = page(stored, tuple(without)).encode()
@@ -271,10 +366,15 @@ def _fitting(stored: Stored, without: list[str]) -> bytes:
 
 
 def _lines(stored: Stored) -> int:
-    """Bytes of the finest contact lines of a run before they are packed, slip and traction in 16 bits, states in 8."""
+    """Bytes of the finest contact lines of a run before they are packed, slip and traction in 16
+    bits, states in 8."""
     if stored.kind != "run" or not stored.groups:
         return 0
-    return 5 * int(stored.groups[max(stored.groups)].sizes.get("node", 0)) * int(stored.data["status"][..., -1].size)
+    return (
+        5
+        * int(stored.groups[max(stored.groups)].sizes.get("node", 0))
+        * int(stored.data["status"][..., -1].size)
+    )
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
@@ -283,7 +383,11 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     verdict, how, ok = verdict_of(stored.path)
     verdict = f"{len(stored.homes)} geometries: {verdict}" if stored.homes else verdict
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
-    header["verdict"] = {"text": verdict, "how": "; ".join(filter(None, [how, stored.words])), "ok": ok}
+    header["verdict"] = {
+        "text": verdict,
+        "how": "; ".join(filter(None, [how, stored.words])),
+        "ok": ok,
+    }
     assets = resources.files("tcstudy.reports.page") / "assets"
     shell = (assets / "shell.html").read_text(encoding="utf-8")
     scripts = "\n".join((assets / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)
@@ -291,7 +395,10 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     for mark, text in (
         ("<!--title-->", html.escape(str(header["title"]))),
         ("<!--verdict-->", html.escape(verdict)),
-        ("<!--warnings-->", "".join(f'<p class="warning">Warning: {html.escape(one)}</p>\n' for one in told)),
+        (
+            "<!--warnings-->",
+            "".join(f'<p class="warning">Warning: {html.escape(one)}</p>\n' for one in told),
+        ),
         ("/*style*/", (assets / "style.css").read_text(encoding="utf-8")),
         ("/*scripts*/", scripts.replace("</script", "<\\/script")),
         ("<!--data-->", box.packed(header)),
@@ -302,7 +409,15 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
 
 def _about(stored: Stored) -> Json:
     attrs, names = stored.data.attrs, [*(row.name for row in ROWS), *map(str, stored.data.coords)]
-    told = ("history", "source", "git_commit", "study_sha256", "references", "institution", "Conventions")
+    told = (
+        "history",
+        "source",
+        "git_commit",
+        "study_sha256",
+        "references",
+        "institution",
+        "Conventions",
+    )
     return {
         "kind": stored.kind,
         "title": str(attrs["title"]),
@@ -330,12 +445,17 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
     if stored.kind in SECTIONS:
         return {"sections": SECTIONS[stored.kind](stored, box)}
     if stored.kind == "history":
-        steps = [history_parts(stored, stored.data.isel(where), without, box) for where in each_point(stored.data)]
+        steps = [
+            history_parts(stored, stored.data.isel(where), without, box)
+            for where in each_point(stored.data)
+        ]
         return {"run": run_part(stored, box), "steps": steps, **shape(stored.study)}
     content = {"run": run_part(stored, box), "laws": law_part(stored)}
     if stored.homes:
         content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
-        content["run"]["levels"] |= time_of_levels([home.data for home in stored.homes if home is not None])
+        content["run"]["levels"] |= time_of_levels(
+            [home.data for home in stored.homes if home is not None]
+        )
         content["homes"] = [home and _home(home, without, box) for home in stored.homes]
     else:
         content |= _home(stored, without, box)
@@ -354,7 +474,10 @@ def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
     body = drawn_level(stored) if "body" not in without else None
     return {
         "levels": level_numbers(stored.data),
-        "lines": {str(n): line_part(stored, n, box) for n in (levels[-1:] if "levels" in without else levels)},
+        "lines": {
+            str(n): line_part(stored, n, box)
+            for n in (levels[-1:] if "levels" in without else levels)
+        },
         **shape(stored.study),
         "body": None if body is None else body_part(stored, body, box),
     }

@@ -1,4 +1,5 @@
-"""What the files of convergence and of accuracy against cost say: errors with rates and orders, errors against time."""
+"""What the files of convergence and of accuracy against cost say: errors with rates and orders,
+errors against time."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from tcstudy.reports.select_point import Value, axis_labels, describe, locate
 from tcstudy.reports.sentences import percent
 from tcstudy.reports.text import Heading, Part, Table, TextColumn, counted, headed, number, prefix
 
-# -- convergence -------------------------------------------------------------------------------------------------------
+# -- convergence
+# -------------------------------------------------------------------------------------------------------
 
 GROUPS = {
     "θ": "temperature",
@@ -48,16 +50,25 @@ STEADY = 1e-12
 
 def convergence_verdict(data: Any) -> tuple[str, str, bool]:
     """How many orders are as expected, how that is known, and whether all is well."""
-    found = [(m.symbol, VERDICTS[int(v)]) for m in shown(data) for v in by_point(data[f"verdict_{m.name}"], data)]
+    found = [
+        (m.symbol, VERDICTS[int(v)])
+        for m in shown(data)
+        for v in by_point(data[f"verdict_{m.name}"], data)
+    ]
     solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
-    lack = next((text for text in str(data.attrs["notes"]).split("\n") if text.startswith("No errors")), None)
+    lack = next(
+        (text for text in str(data.attrs["notes"]).split("\n") if text.startswith("No errors")),
+        None,
+    )
     told = lack if lack and not found else f"{sentences.orders(found, solved)}."
     return told, "", solved and all(verdict != "slower" for _, verdict in found)
 
 
-def convergence_parts(data: Any, full: bool = True, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
-    """Everything the report says, in order; not `full`, of a sweep the orders alone. Raises DrawError if there is no
-    such point.
+def convergence_parts(
+    data: Any, full: bool = True, point: Mapping[str, Value] | None = None
+) -> Iterator[Part]:
+    """Everything the report says, in order; not `full`, of a sweep the orders alone. Raises
+    DrawError if there is no such point.
     """
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield f"Reference: {data.attrs['reference']}."
@@ -85,13 +96,17 @@ def tables(at: Any) -> Iterator[Table]:
     """The tables of a sweep point."""
     if shown(at):
         yield _errors(at)
-    if measures := [m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()]:
+    if measures := [
+        m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()
+    ]:
         yield _numbers(at, measures)
 
 
 def shown(at: Any) -> list[Measure]:
     """The errors that there are on some level."""
-    return [m for m in ERRORS if f"error_{m.name}" in at and np.isfinite(at[f"error_{m.name}"]).any()]
+    return [
+        m for m in ERRORS if f"error_{m.name}" in at and np.isfinite(at[f"error_{m.name}"]).any()
+    ]
 
 
 def _levels(data: Any) -> Table:
@@ -101,14 +116,26 @@ def _levels(data: Any) -> Table:
         first = sizes.isel({dim: 0})
         sizes = first if bool((sizes == first).all().to_array().all()) else sizes
     divisor, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
-    labels = {name: axis_labels(data, name) for name in axis_names(data) if data[name].dims[0] in sizes.dims}
+    labels = {
+        name: axis_labels(data, name)
+        for name in axis_names(data)
+        if data[name].dims[0] in sizes.dims
+    }
     rows = []
     for place in np.ndindex(sizes["h_max"].shape):
         where = dict(zip(sizes["h_max"].dims, place, strict=True))
         h, dofs, contact = (float(sizes[name][where]) for name in ("h_max", "n_dof", "n_contact"))
         own = (texts[where[data[name].dims[0]]] for name, (texts, _) in labels.items())
-        rows += [(*own, str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}")] if h > 0.0 else []
-    header = [*(headed(name, unit) for name, (_, unit) in labels.items()), "level", headed("h_max", unit)]
+        rows += (
+            [(*own, str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}")]
+            if h > 0.0
+            else []
+        )
+    header = [
+        *(headed(name, unit) for name, (_, unit) in labels.items()),
+        "level",
+        headed("h_max", unit),
+    ]
     return Table.of_rows("Meshes", [*header, "dofs", "contact unknowns"], rows)
 
 
@@ -127,7 +154,10 @@ def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
         span = span[np.isfinite(span)]  # a point without a mesh has none
         cells = ["…".join(dict.fromkeys(map(_fixed, span[[0, -1]]))) if len(span) else "–"]
         for at in map(data.isel, points):
-            verdict, slope = VERDICTS[int(at[f"verdict_{m.name}"])], _fixed(float(at[f"slope_{m.name}"]))
+            verdict, slope = (
+                VERDICTS[int(at[f"verdict_{m.name}"])],
+                _fixed(float(at[f"slope_{m.name}"])),
+            )
             text = verdict if verdict == "exact" else slope + MARKS.get(verdict, "")
             cells.append(text if (at["status"] == int(PointStatus.OK)).all() else f"({text})")
         columns.append(TextColumn(m.symbol, cells, rank))
@@ -136,25 +166,39 @@ def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
 
 
 def _errors(at: Any) -> Table:
-    """A row for each error: its values by level with their rates, and the fitted beside the expected order."""
+    """A row for each error: its values by level with their rates, and the fitted beside the
+    expected order."""
     levels = np.flatnonzero(at["compared"].values)
     ok = at["status"].values == int(PointStatus.OK)
     rows = []
     for m in shown(at):
-        error, slope, expected = (at[f"{part}_{m.name}"].values for part in ("error", "slope", "expected"))
+        error, slope, expected = (
+            at[f"{part}_{m.name}"].values for part in ("error", "slope", "expected")
+        )
         row = [m.symbol]
         for i in levels:
             text = f"{error[i]:.3e}" if np.isfinite(error[i]) else "–"
             row += [text if ok[i] else f"({text})", _fixed(at[f"rate_{m.name}"].values[i])]
         fitted = f"{int(at[f'first_level_{m.name}'])}–{np.flatnonzero(np.isfinite(error))[-1]}"
-        row += [sentences.order(slope, float(at[f"slope_error_{m.name}"]), 3), fitted if np.isfinite(slope) else "–"]
+        row += [
+            sentences.order(slope, float(at[f"slope_error_{m.name}"]), 3),
+            fitted if np.isfinite(slope) else "–",
+        ]
         verdict = VERDICTS[int(at[f"verdict_{m.name}"])]
         word = sentences.VERDICTS[verdict]
         loud = word.upper() if verdict in ("slower", "pre_asymptotic") else word
         rows.append((*row, _fixed(expected), loud, str(at[f"reason_{m.name}"].item())))
         for beside in (one for one in BY_ITSELF if one.split("_", 1)[1] == m.name and one in at):
-            values = (f"{value:.3e}" if np.isfinite(value) else "–" for value in at[beside].values[levels])
-            rows.append((f"  {beside.split('_')[0]}", *(cell for text in values for cell in (text, "–")), *("–",) * 5))
+            values = (
+                f"{value:.3e}" if np.isfinite(value) else "–" for value in at[beside].values[levels]
+            )
+            rows.append(
+                (
+                    f"  {beside.split('_')[0]}",
+                    *(cell for text in values for cell in (text, "–")),
+                    *("–",) * 5,
+                )
+            )
     header, ranks, k = ["error"], [0], len(levels)
     for left, level in zip(range(k, 0, -1), levels, strict=True):  # coarse ones go first
         header += [f"level {level}", "rate"]
@@ -165,7 +209,9 @@ def _errors(at: Any) -> Table:
         rows,
         [*ranks, 0, 98, 2, 1, 99],
     )
-    return replace(table, columns=[one for one in table.columns if {*one.cells} != {"–"}])  # no rate on the first
+    return replace(
+        table, columns=[one for one in table.columns if {*one.cells} != {"–"}]
+    )  # no rate on the first
 
 
 def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
@@ -176,13 +222,21 @@ def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
         divisor, unit = prefix(at[f"value_{m.name}"].values, at[f"value_{m.name}"].attrs["units"])
         values = [number(value / divisor, 7) for value in at[f"value_{m.name}"].values]
         values = [value if good else f"({value})" for value, good in zip(values, ok, strict=True)]
-        limit, unsure, known = (float(at[f"{p}_{m.name}"]) / divisor for p in ("limit", "uncertainty", "exact"))
-        ends = [_uncertain(limit, unsure), _fixed(float(at[f"limit_order_{m.name}"])), number(known, 7)]
+        limit, unsure, known = (
+            float(at[f"{p}_{m.name}"]) / divisor for p in ("limit", "uncertainty", "exact")
+        )
+        ends = [
+            _uncertain(limit, unsure),
+            _fixed(float(at[f"limit_order_{m.name}"])),
+            number(known, 7),
+        ]
         rows.append((headed(m.symbol, unit), *values, *ends))
     header = ("number", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
     ranks = (0, *(levels - i if i < levels - 1 else 0 for i in range(levels)), 0, 1, 0)
     table = Table.of_rows("Numbers, extrapolated by Richardson's rule", header, rows, ranks)
-    return table if {*table.columns[-1].cells} != {"–"} else replace(table, columns=table.columns[:-1])
+    return (
+        table if {*table.columns[-1].cells} != {"–"} else replace(table, columns=table.columns[:-1])
+    )
 
 
 def _uncertain(value: float, uncertainty: float) -> str:
@@ -201,7 +255,8 @@ def _fixed(value: float) -> str:
     return f"{value:z.2f}" if np.isfinite(value) else "–"
 
 
-# -- accuracy against cost ---------------------------------------------------------------------------------------------
+# -- accuracy against cost
+# ---------------------------------------------------------------------------------------------
 
 DEFAULT = "u_energy"
 EXACT = 1e-10
@@ -209,7 +264,8 @@ EXACT = 1e-10
 
 
 def measure_of(data: Any, wanted: str | None) -> str:
-    """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does not have it."""
+    """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does
+    not have it."""
     held = [m.name for m in MEASURES if f"error_{m.name}" in data]
     if not held:
         raise DrawError("the file has no errors: nothing was there to compare with")
@@ -234,7 +290,9 @@ def settings(data: Any, measure: str) -> list[Any]:
         upper=data["time"].quantile(0.75, "run", skipna=False),
         solved=data["status"] == PointStatus.OK,
         dominated=data[f"dominated_{measure}"] == 1,
-        own=(data["family"] == own["family"]) & (data["solver"] == own["solver"]) & (data["level"] == own["level"]),
+        own=(data["family"] == own["family"])
+        & (data["solver"] == own["solver"])
+        & (data["level"] == own["level"]),
     )
     rows = found.to_dataframe(["family", "solver", "level"]).reset_index()
     return list(rows[rows["status"] != PointStatus.NOT_RUN].itertuples(index=False))
@@ -272,7 +330,9 @@ def advice(found: Sequence[Any]) -> list[str]:
         return told
     if own not in measured:
         return [*told, f"The study's own settings ({words(own)}) were not solved."]
-    told.append(f"The study's own settings ({words(own)}): error {percent(own.error)} in {_seconds(own.time)}.")
+    told.append(
+        f"The study's own settings ({words(own)}): error {percent(own.error)} in {_seconds(own.time)}."
+    )
     better = [s for s in measured if s.time < own.time and s.error < own.error * (1.0 - TIED)]
     if not better:
         return [*told, "No other setting measured is both faster and more accurate."]
@@ -292,7 +352,13 @@ def _seconds(time: float) -> str:
 def cost_verdict(data: Any) -> tuple[str, str, bool]:
     """What to take of the settings measured."""
     held = any(f"error_{m.name}" in data for m in MEASURES)
-    return " ".join(advice(settings(data, measure_of(data, None)))) if held else "Nothing was measured.", "", True
+    return (
+        " ".join(advice(settings(data, measure_of(data, None))))
+        if held
+        else "Nothing was measured.",
+        "",
+        True,
+    )
 
 
 def cost_parts(data: Any, *_: Any) -> Iterator[Part]:
@@ -306,7 +372,10 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     yield from advice(found)
     where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
-    reference, runs = data.attrs["reference"].removeprefix("the "), counted(data.sizes["run"], "run")
+    reference, runs = (
+        data.attrs["reference"].removeprefix("the "),
+        counted(data.sizes["run"], "run"),
+    )
     yield (
         f"{where}Errors of {SYMBOLS[measure]} against the {reference}. Wall time from the body "
         f"to the displacements, each run from nothing: least of {runs}, upper quartile."
@@ -316,7 +385,13 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
         by_solver = {s.solver: s for s in found if (s.family, s.level) == (family, level)}
         one = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
         error = f"{one.error:.3e}" if np.isfinite(one.error) else "–"
-        row = [family, str(level), str(one.n_dof), str(one.n_contact), error if one.solved else f"({error})"]
+        row = [
+            family,
+            str(level),
+            str(one.n_dof),
+            str(one.n_contact),
+            error if one.solved else f"({error})",
+        ]
         for s in map(by_solver.get, solvers):
             mark = "" if s is None else "†" * s.own + "*" * (not s.dominated)
             row += ["–", "–"] if s is None else [f"{s.time:.3g}{mark}", f"{s.upper:.3g}"]

@@ -1,4 +1,5 @@
-"""What a fit's file says, as text and as one object: estimates, what is not determined, how good it is."""
+"""What a fit's file says, as text and as one object: estimates, what is not determined, how good it
+is."""
 
 from __future__ import annotations
 
@@ -13,11 +14,12 @@ from tcstudy.reports.text import Heading, Part, Table, counted, number, prefix
 DOUBT = 0.05
 """Probability below which a fit is doubted."""
 RIVAL = 3.84
-"""Σr² above the least, in variances of the noise, up to which another minimum agrees with the data as well: 95 % of χ²
-of one number."""
+"""Σr² above the least, in variances of the noise, up to which another minimum agrees with the data
+as well: 95 % of χ² of one number."""
 COARSE = 0.15
-"""Change on a mesh of half the size, in standard errors, above which the mesh is too coarse: as much again may be left,
-and intervals of 95 % that lie 0.3 standard errors off hold the truth in 94 %, beyond it in fewer and fewer."""
+"""Change on a mesh of half the size, in standard errors, above which the mesh is too coarse: as
+much again may be left, and intervals of 95 % that lie 0.3 standard errors off hold the truth in 94
+%, beyond it in fewer and fewer."""
 BAND = 1.96
 """Half width of a band of 95 % in standard errors."""
 
@@ -39,17 +41,22 @@ def parts(data: Any, *_: Any) -> Iterator[Part]:
 def verdict(data: Any) -> tuple[str, str, bool]:
     """The numbers with their standard errors, and what speaks against them."""
     found = []
-    columns = (data[key].values for key in ("parameter", "parameter_units", "estimate", "standard_error"))
+    columns = (
+        data[key].values for key in ("parameter", "parameter_units", "estimate", "standard_error")
+    )
     for name, units, estimate, error in zip(*columns, strict=True):
         divisor, unit = prefix([float(estimate)], str(units))
         spread = f" ± {number(float(error) / divisor, 2)}" if np.isfinite(error) else ""
-        found.append(f"{name} = {number(float(estimate) / divisor)}{spread} {unit}".removesuffix(" 1"))
+        found.append(
+            f"{name} = {number(float(estimate) / divisor)}{spread} {unit}".removesuffix(" 1")
+        )
     doubts = [said for said, doubt in fit_doubts(data) if doubt]
     return "; ".join([", ".join(found), *doubts]), "", not doubts
 
 
 def _estimates(data: Any) -> Table:
-    """A row for each number, with its correlations, which one on its bound or not determined has not."""
+    """A row for each number, with its correlations, which one on its bound or not determined has
+    not."""
     names, covariance = [str(name) for name in data["parameter"].values], data["covariance"].values
     error = np.sqrt(np.diagonal(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -62,7 +69,12 @@ def _estimates(data: Any) -> Table:
         between = f"{number(low / divisor)} … {number(high / divisor)}"
         if not np.isfinite(low):
             between = "on its bound" if int(data["at_bound"][i]) else "not determined"
-        own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between, unit]
+        own = [
+            number(estimate / divisor, 5),
+            number(float(data["standard_error"][i]) / divisor, 2),
+            between,
+            unit,
+        ]
         below = [number(x, 2) for x in correlations[i, :i]]  # nothing stands above the diagonal
         rows.append([name, *own, *below, *(len(names) - 1 - i) * [""]])
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
@@ -81,11 +93,14 @@ def columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
 def prediction_error(data: Any) -> NDArray[np.float64]:
     """(n,) standard errors of the values of the study at the data, in the units of the data."""
     J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values)
+    return np.asarray(
+        np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values
+    )
 
 
 def fit_doubts(data: Any) -> list[tuple[str, bool]]:
-    """Sentences on what the data do not determine and whether the study has their shape; True where one is a doubt."""
+    """Sentences on what the data do not determine and whether the study has their shape; True where
+    one is a doubt."""
     about = data.attrs
     freedom, square = int(about["degrees_of_freedom"]), float(about["chi_square"])
     found = []
@@ -97,21 +112,36 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
         found.append((told, True))
     if int(about["known_noise"]):
         p = float(about["fit_probability"])
-        verdict = "the data do not agree with the study and this noise" if p < DOUBT else "as the noise lets expect"
+        verdict = (
+            "the data do not agree with the study and this noise"
+            if p < DOUBT
+            else "as the noise lets expect"
+        )
         shown = number(square / max(freedom, 1), 3)
-        told = f"χ² per degree of freedom {shown} ({freedom}), probability {number(p, 2)}: {verdict}"
+        told = (
+            f"χ² per degree of freedom {shown} ({freedom}), probability {number(p, 2)}: {verdict}"
+        )
         found.append((told, p < DOUBT))
     else:
         shown = number(np.sqrt(square / max(freedom, 1)), 3)
         told = f"noise estimated from the residuals: {shown} of what was assumed (1 % of a column's range)"
         found.append((told, False))
     if "numbers_decided" in about:
-        decided = f"{number(float(about['numbers_decided']), 3)} of {data.sizes['parameter']} numbers"
-        found.append((f"smooth law, weight by generalised cross-validation: the data decide {decided}", False))
+        decided = (
+            f"{number(float(about['numbers_decided']), 3)} of {data.sizes['parameter']} numbers"
+        )
+        found.append(
+            (
+                f"smooth law, weight by generalised cross-validation: the data decide {decided}",
+                False,
+            )
+        )
     found += [*_tried(data), *_mesh(data)]
     p = float(about["runs_probability"])
     verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"
-    told = f"signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}"
+    told = (
+        f"signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}"
+    )
     return [*found, (told, p < DOUBT)]
 
 
@@ -120,7 +150,9 @@ def _mesh(data: Any) -> list[tuple[str, bool]]:
     shift, names = data["mesh_shift"].values, data["parameter"].values
     if not np.any(np.isfinite(shift)):
         return [("mesh: what it does to the numbers is not known", True)]
-    told = ", ".join(f"{name} by {x:+.2f}" for name, x in zip(names, shift, strict=True) if np.isfinite(x))
+    told = ", ".join(
+        f"{name} by {x:+.2f}" for name, x in zip(names, shift, strict=True) if np.isfinite(x)
+    )
     coarse = bool(np.nanmax(np.abs(shift)) > COARSE)
     verdict = "too coarse for these data; refine" if coarse else "fine enough"
     return [(f"mesh: half its size would move {told} standard errors: {verdict}", coarse)]
@@ -133,7 +165,9 @@ def _tried(data: Any) -> list[tuple[str, bool]]:
     same, *others = data["start_count"].values.tolist()
     told = f"starts: {tried} of {asked} tried"
     told += ", the last has a probable χ² and every number determined" if tried < asked else ""
-    told += f"; {same} of {tried} {'ends' if same == 1 else 'end'} in this minimum" if tried > 1 else ""
+    told += (
+        f"; {same} of {tried} {'ends' if same == 1 else 'end'} in this minimum" if tried > 1 else ""
+    )
     told += f", {sum(others)} in {counted(len(others), 'other')}" if others else ""
     told += f", {failed} in no result: {about['start_failure']}" if failed else ""
     freedom = max(int(about["degrees_of_freedom"]), 1)

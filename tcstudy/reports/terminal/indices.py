@@ -1,4 +1,5 @@
-"""Sobol indices of a design, as `tcstudy show` has them: which parameter a number, or its side of a gap, comes from.
+"""Sobol indices of a design, as `tcstudy show` has them: which parameter a number, or its side of a
+gap, comes from.
 
 Y = f(X₁, …, X_d) with independent X_i.  First order S_i = Var(E[Y|X_i])/Var(Y), total T_i = E[Var(Y|X_~i)]/Var(Y), by
 the estimators (b) and (f) of Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2. They are those of
@@ -37,7 +38,8 @@ ORDERS = ("first order", "total")
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """What a design says of a number: sentences before the table, its caption, and estimates (3, d) by heading."""
+    """What a design says of a number: sentences before the table, its caption, and estimates (3, d)
+    by heading."""
 
     names: tuple[str, ...]
     said: list[str]
@@ -46,23 +48,34 @@ class SobolIndices:
 
 
 def indices(file: Path, of: str) -> SobolIndices:
-    """The indices of a number at the points of a design, on the finest level; points without a solution are left out.
+    """The indices of a number at the points of a design, on the finest level; points without a
+    solution are left out.
 
     Raises UsageError where there is no such number, or too few points have it.
     """
     with reading(file), netCDF4.Dataset(file) as nc:
         drawn = {name: one for name, one in nc.variables.items() if "distribution" in one.ncattrs()}
-        known = [name for name, v in nc.variables.items() if v.dimensions == ("point", "level") and v.dtype == "f8"]
+        known = [
+            name
+            for name, v in nc.variables.items()
+            if v.dimensions == ("point", "level") and v.dtype == "f8"
+        ]
         if of not in known:
             remedy = hint(of, known, f"choose of {', '.join(known)}")
             raise UsageError(f"{file} has no number {of!r} at its points; {remedy}")
         level = nc.dimensions["level"].size - 1
         ok, group = nc["status"][:, level] == PointStatus.OK, nc.groups.get(f"level_{level}")
-        # (n, r, d) values of the parameters, of a choice its number, and (n, r) the number: r points a base point
+        # (n, r, d) values of the parameters, of a choice its number, and (n, r) the number: r
+        # points a base point
         rows = len(drawn) + 2 if nc.getncattr("design_mode") == SALTELLI else 1
-        values = [np.unique(one[:], return_inverse=True)[1] if one.dtype is str else one[:] for one in drawn.values()]
+        values = [
+            np.unique(one[:], return_inverse=True)[1] if one.dtype is str else one[:]
+            for one in drawn.values()
+        ]
         x = np.column_stack(values).astype(float).reshape(-1, rows, len(drawn))
-        f = np.where(ok, np.ma.filled(nc[of][:, level].astype(float), np.nan), np.nan).reshape(-1, rows)
+        f = np.where(ok, np.ma.filled(nc[of][:, level].astype(float), np.nan), np.nan).reshape(
+            -1, rows
+        )
         named = tuple(one.distribution.startswith("choice") for one in drawn.values())
         names, units = tuple(drawn), f" {nc[of].units}" if nc[of].units != "1" else ""
         step = float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0
@@ -74,7 +87,9 @@ def indices(file: Path, of: str) -> SobolIndices:
     confidence = f"{f'{LEVEL:.0%}'} confidence by resampling them"
     said = [f"{f.size} points of {len(f)} base points, {confidence}"]
     if rows == 1:
-        said = [f"{f.size} points, {confidence}; totals need points of their own (mode: {SALTELLI})"]
+        said = [
+            f"{f.size} points, {confidence}; totals need points of their own (mode: {SALTELLI})"
+        ]
     if lost := int(np.count_nonzero(~whole)):
         which = "base points with a point that has" if rows > 1 else "points with"
         said.append(f"left out: {lost} {which} no solution or no {of}")
@@ -82,10 +97,17 @@ def indices(file: Path, of: str) -> SobolIndices:
     gap = None if proved else jump(f[:, :2].ravel(), step, f[:, 2:].ravel())
     caption = f"Indices of {of}"
     if gap is None:
-        why = "every solution is certified to be the only one" if proved else "no gap among the values"
+        why = (
+            "every solution is certified to be the only one"
+            if proved
+            else "no gap among the values"
+        )
         said.append(f"one side: {why}")
     else:
-        f, caption = (f > (gap[0] + gap[1]) / 2.0).astype(float), "Indices of the side on which a point lies"
+        f, caption = (
+            (f > (gap[0] + gap[1]) / 2.0).astype(float),
+            "Indices of the side on which a point lies",
+        )
         share = f[:, :2].mean()
         said.append(
             f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
@@ -103,7 +125,9 @@ def indices_text(file: Path, of: str) -> str:
         cells.append((heading, [f"{v:.3f}" for v in value]))
         cells.append(("from … to", [f"{a:.3f} … {b:.3f}" for a, b in zip(low, high, strict=True)]))
     table = columns_table([TextColumn(*one, rank) for rank, one in enumerate(cells)])
-    return wrapped("\n".join([*(f"  {line}" for line in found.said), "", f"  {found.caption}:", "", table]))
+    return wrapped(
+        "\n".join([*(f"  {line}" for line in found.said), "", f"  {found.caption}:", "", table])
+    )
 
 
 def indices_json(file: Path, of: str) -> dict[str, Any]:
@@ -111,37 +135,51 @@ def indices_json(file: Path, of: str) -> dict[str, Any]:
     found = indices(file, of)
     table: dict[str, Any] = {"caption": found.caption}
     for heading, estimate in found.estimates.items():
-        rows = (dict(zip(("value", "low", "high"), one, strict=True)) for one in estimate.T.tolist())
+        rows = (
+            dict(zip(("value", "low", "high"), one, strict=True)) for one in estimate.T.tolist()
+        )
         table[heading] = dict(zip(found.names, rows, strict=True))
     return {"of": of, "said": found.said, "tables": [table]}
 
 
 def sobol(f: Array, seed: int = 0) -> list[Estimate]:
-    """First-order and total indices of (n, d + 2) values at A, B and the d mixtures, n ≥ 2; 0 if nothing varies."""
+    """First-order and total indices of (n, d + 2) values at A, B and the d mixtures, n ≥ 2; 0 if
+    nothing varies."""
     n = len(f)
     least = (ROUNDING * np.abs(f).max()) ** 2
     f = f - f[:, :2].mean()
     A, B, AB = f[:, 0], f[:, 1], f[:, 2:]
-    terms = np.column_stack([A + B, A**2 + B**2, B[:, None] * (AB - A[:, None]), (A[:, None] - AB) ** 2])
+    terms = np.column_stack(
+        [A + B, A**2 + B**2, B[:, None] * (AB - A[:, None]), (A[:, None] - AB) ** 2]
+    )
     weights = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), RESAMPLES)
     means = np.vstack([np.ones(n), weights]) @ terms / n
     variance = means[:, 1:2] / 2.0 - (means[:, :1] / 2.0) ** 2
     d = AB.shape[1]
-    ratios = np.divide(means[:, 2:], variance, out=np.zeros_like(means[:, 2:]), where=variance > least)
+    ratios = np.divide(
+        means[:, 2:], variance, out=np.zeros_like(means[:, 2:]), where=variance > least
+    )
     return [_estimate(ratios[:, :d]), _estimate(ratios[:, d:] / 2.0)]
 
 
 def correlation_ratios(x: Array, y: Array, named: tuple[bool, ...] = (), seed: int = 0) -> Estimate:
-    """Var(E[y|x_i])/Var(y) from (N, d) inputs and (N,) values, in ½√N classes of equally many points each.
+    """Var(E[y|x_i])/Var(y) from (N, d) inputs and (N,) values, in ½√N classes of equally many
+    points each.
 
-    Of independent inputs, however they were drawn, it is the first-order index. named: (d,) inputs with a class a value
+    Of independent inputs, however they were drawn, it is the first-order index. named: (d,) inputs
+    with a class a value
 
-    The share that N points in that many classes have by chance alone is taken off: 1 − (1 − η²)(N − 1)/(N − classes).
+    The share that N points in that many classes have by chance alone is taken off: 1 − (1 − η²)(N −
+    1)/(N − classes).
     """
     rng, N = np.random.default_rng(seed), len(y)
     samples = [np.arange(N), *(rng.integers(0, N, (RESAMPLES // 10, N)))]
     named = named or (False,) * x.shape[1]
-    return _estimate(np.array([[_ratio(x[one, i], y[one], own) for i, own in enumerate(named)] for one in samples]))
+    return _estimate(
+        np.array(
+            [[_ratio(x[one, i], y[one], own) for i, own in enumerate(named)] for one in samples]
+        )
+    )
 
 
 def _ratio(x: Array, y: Array, named: bool) -> float:
@@ -157,10 +195,14 @@ def _ratio(x: Array, y: Array, named: bool) -> float:
 
 
 def _estimate(samples: Array) -> Estimate:
-    return np.vstack([samples[:1], np.quantile(samples[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)])
+    return np.vstack(
+        [samples[:1], np.quantile(samples[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)]
+    )
 
 
-def jump(values: Array, resolution: float = 0.0, dependent: Array | None = None) -> tuple[float, float] | None:
+def jump(
+    values: Array, resolution: float = 0.0, dependent: Array | None = None
+) -> tuple[float, float] | None:
     """The ends of the widest gap that no smooth distribution has by chance; None if there is none.
 
     A gap is a jump if it is wider than the stretch of the k nearest values on either side together with twice the
@@ -183,7 +225,9 @@ def jump(values: Array, resolution: float = 0.0, dependent: Array | None = None)
     low, high = float(v[at[best]]), float(v[at[best] + 1])
     if dependent is None:
         return low, high
-    inside = np.sort(np.concatenate([[low, high], dependent[(low < dependent) & (dependent < high)]]))
+    inside = np.sort(
+        np.concatenate([[low, high], dependent[(low < dependent) & (dependent < high)]])
+    )
     widest = int(np.argmax(np.diff(inside)))
     low, high = float(inside[widest]), float(inside[widest + 1])
     return (low, high) if high - low > stretch[best] + 2.0 * resolution else None

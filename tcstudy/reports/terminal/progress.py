@@ -1,5 +1,6 @@
-"""What work says before and while it goes on: the text of `tcstudy run --dry-run`; on a terminal or in a notebook one
-line that is written again and again, with the time left; elsewhere a plain line an event."""
+"""What work says before and while it goes on: the text of `tcstudy run --dry-run`; on a terminal or
+in a notebook one line that is written again and again, with the time left; elsewhere a plain line
+an event."""
 
 from __future__ import annotations
 
@@ -37,8 +38,8 @@ BAR = 30
 
 
 class Progress:
-    """What a run, a path, a history, a fit or a measurement of a study says of itself, on standard error unless another
-    stream is given. Close it after use: that removes the line.
+    """What a run, a path, a history, a fit or a measurement of a study says of itself, on standard
+    error unless another stream is given. Close it after use: that removes the line.
     """
 
     def __init__(self, study: Study, stream: TextIO | Stream | None = None) -> None:
@@ -56,7 +57,8 @@ class Progress:
         self._stream.flush()
 
     def begin(self, work: Sequence[Any]) -> None:
-        """What a run has before it, as `tcstudy.study.run.LevelWork`; points of finer levels count for more."""
+        """What a run has before it, as `tcstudy.study.run.LevelWork`; points of finer levels count
+        for more."""
         self._work, self._found = work, sum(w.done for w in work)
         self._before = self._spent = sum(w.done * w.weight for w in work)
         most = "" if all(w.sure for w in work) else "at most "
@@ -75,13 +77,16 @@ class Progress:
         self._bar()
 
     def block(self, record: BlockRecord) -> None:
-        """Points are finished; only the first failure of a kind is worth a line, the others are counted."""
+        """Points are finished; only the first failure of a kind is worth a line, the others are
+        counted."""
         for row in np.flatnonzero(record.status != PointStatus.OK).tolist():
             status, reason = PointStatus(int(record.status[row])), record.reasons.get(row, "")
             self._failures[same := kind(status, reason)] += 1
             if self._failures[same] == 1:
                 name = naming(sweep_points(self._study))(record.index(row))
-                self.event(f"{name}{' on ' * bool(name)}level {record.level}: {named(status)}: {without_paths(reason)}")
+                self.event(
+                    f"{name}{' on ' * bool(name)}level {record.level}: {named(status)}: {without_paths(reason)}"
+                )
         self._found += len(record)
         self._spent += len(record) * self._work[record.level].weight
         self._bar()
@@ -128,7 +133,9 @@ class Progress:
             self._width = len(text)
 
 
-def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str) -> str:
+def forecast_text(
+    study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str
+) -> str:
     """Counts, sizes, what is left out and why.
 
     plan: the `tcstudy.study.plan.Plan` of the study;  more: lines after its notes
@@ -137,7 +144,9 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     times = study.history.steps if study.history is not None else study.mesh.levels
     most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
     of = counted(times, "step") if study.history is not None else f"{most}{counted(times, 'level')}"
-    solutions = f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
+    solutions = (
+        f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
+    )
     size = f" ({up_to}about {plan.bytes / 1e6:.2g} MB)" if plan.bytes else ""
     unit = "1" if study.units == "none" else "m"
     columns = [
@@ -147,7 +156,11 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
         TextColumn("contact unknowns", [_count(v.n_contact, v) for v in plan.levels], 3),
     ]
     above = filter(None, (solutions if plan.bytes else plan.asked, work))
-    below = [*(f"left out: {text}" for text in plan.left_out), *(f"note: {text}" for text in plan.notes), *more]
+    below = [
+        *(f"left out: {text}" for text in plan.left_out),
+        *(f"note: {text}" for text in plan.notes),
+        *more,
+    ]
     below += filter(None, (f"output: {output}{size}", time))
     first, last = ("\n".join(f"  {line}" for line in lines) for lines in (above, below))
     return wrapped("\n\n".join((study.title, first, columns_table(columns), last)))
@@ -159,7 +172,8 @@ def _count(value: int, level: Any) -> str:
 
 
 def expected_words(expected: Any, at_most: bool = False) -> str:
-    """CPU time and memory to expect, in words: rough figures. expected: a `tcstudy.study.workers.Resources`"""
+    """CPU time and memory to expect, in words: rough figures. expected: a
+    `tcstudy.study.workers.Resources`"""
     room = f"{'up to ' * at_most}about {expected.memory / 1e9:.1g} GB"
     if expected.unknown:
         return f"time unknown: {expected.unknown}; {room}"

@@ -1,6 +1,7 @@
 """What the terminal says of any result file.
 
-Of a run one table of levels, one of the finest level's points, and a row for each of several solvers.
+Of a run one table of levels, one of the finest level's points, and a row for each of several
+solvers.
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ MOST_ROWS = 48
 """Points shown; the file has them all."""
 
 
-def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = None, of: str | None = None) -> str:
+def text_of(
+    file: Path, full: bool = False, point: Mapping[str, Value] | None = None, of: str | None = None
+) -> str:
     """Its sentences and tables, from the file alone. Raises StoreError.
 
     full:  all rows, steps and tables
@@ -63,7 +66,9 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
         data = root.drop_vars(NOT_SAID if kind == "run" else [], errors="ignore").load()
     heading, *rest = KINDS[kind][1](data, full, point)
     told = f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()
-    said = {"run": f"  {text}", "cost": ""}.get(kind, told)  # what there is to say of costs stands in their parts
+    said = {"run": f"  {text}", "cost": ""}.get(
+        kind, told
+    )  # what there is to say of costs stands in their parts
     text = render([heading, *filter(None, [said]), *rest]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text
@@ -73,7 +78,8 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
 
 
 def verdict_of(path: Path) -> tuple[str, str, bool]:
-    """The sentence of a file of any kind, how what it says is known, and whether all is well. Raises StoreError.
+    """The sentence of a file of any kind, how what it says is known, and whether all is well.
+    Raises StoreError.
 
     A run may have a million points: of it a few variables are read, without the import of xarray.
     """
@@ -83,7 +89,9 @@ def verdict_of(path: Path) -> tuple[str, str, bool]:
         return sentences.run_verdict(nc)
 
 
-def run_parts(data: Any, full: bool = False, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
+def run_parts(
+    data: Any, full: bool = False, point: Mapping[str, Value] | None = None
+) -> Iterator[Part]:
     """What a run's file holds.
 
     full: all points are listed;  point: labels that those have which are
@@ -119,7 +127,11 @@ def _levels(data: Any) -> Table:
     dims, total = sweep_dims(data), data["status"].isel(level=0).size
     ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
     worst, lowest = data["inclusion_residual"].max(dims).values, data["lambda_1"].min(dims).values
-    spent = data["time_mesh"] + data["time_assemble"] + (data["time_condense"] + data["time_solve"]).sum(dims)
+    spent = (
+        data["time_mesh"]
+        + data["time_assemble"]
+        + (data["time_condense"] + data["time_solve"]).sum(dims)
+    )
     columns = [
         TextColumn("level", data["level"].values.astype(str)),
         quantity("h_max", data["h_max"].values, data["h_max"].attrs["units"], rank=2),
@@ -132,7 +144,9 @@ def _levels(data: Any) -> Table:
     ]
     for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
         units = data[name].attrs.get("units", "1")
-        columns.append(quantity(title, data[name].max(dims).values, units, 2, rank, data[name].values))
+        columns.append(
+            quantity(title, data[name].max(dims).values, units, 2, rank, data[name].values)
+        )
     return Table("", columns)
 
 
@@ -158,7 +172,11 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
     dims, fine = sweep_dims(data), data.isel(level=-1)
     own = np.flatnonzero(matching(data, point)) if point else np.arange(fine["status"].size)
     shown = own[:most]
-    place = dict(zip(dims, np.unravel_index(shown, [data.sizes[d] for d in dims]), strict=True)) if dims else {}
+    place = (
+        dict(zip(dims, np.unravel_index(shown, [data.sizes[d] for d in dims]), strict=True))
+        if dims
+        else {}
+    )
     near = data.isel({dim: slice(int(index.max()) + 1) for dim, index in place.items()})
 
     def first(name: str, level: int = -1) -> Any:
@@ -168,27 +186,46 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
     solved, run = status == PointStatus.OK, status != PointStatus.NOT_RUN
 
     def column(name: str, title: str, rank: int) -> TextColumn:
-        found = quantity(title, first(name), fine[name].attrs["units"], rank=rank, like=fine[name].values)
-        cells = [c if good or c == "–" else f"({c})" for c, good in zip(found.cells, solved, strict=True)]
+        found = quantity(
+            title, first(name), fine[name].attrs["units"], rank=rank, like=fine[name].values
+        )
+        cells = [
+            c if good or c == "–" else f"({c})" for c, good in zip(found.cells, solved, strict=True)
+        ]
         return TextColumn(found.title, cells, rank)
 
     labels, rest, legend = list[TextColumn](), list[TextColumn](), [CERTIFIED]
     for axis in axis_names(data):
         texts, unit = axis_labels(near, axis)
-        labels.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
+        labels.append(
+            TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]])
+        )
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     # a reaction is the force of a held edge: once is enough
-    more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
+    more = [
+        n
+        for n in asked(data)
+        if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)
+    ]
     columns = [*labels, *(column(*one) for one in usual)]
     wanted = [column(name, name, 0) for name in more]
     if "solutions" in fine:
-        told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
-        words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
+        told = zip(
+            *(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")),
+            strict=True,
+        )
+        words = [
+            sentences.equilibria(*one) if good else "–"
+            for one, good in zip(told, solved, strict=True)
+        ]
         rest.append(TextColumn("equilibria", words, 1))
         legend.append(f"equilibria: {EVERY}")
     flags = {name: first(name) for name, _ in PROOFS}
     proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(len(shown))]
-    proofs = [p if good else "failed" if was else "not run" for p, good, was in zip(proofs, solved, run, strict=True)]
+    proofs = [
+        p if good else "failed" if was else "not run"
+        for p, good, was in zip(proofs, solved, run, strict=True)
+    ]
     rest.append(TextColumn("certified", proofs, 1))
     if data.sizes["level"] > 1:
         change = np.abs(first("friction_resultant") - first("friction_resultant", -2))
@@ -202,7 +239,9 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
             "debonded, softening, yielded, elastic: lengths where b has fallen, falls, does neither, rises from 0"
         )
     if np.any(run & ~solved):
-        legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
+        legend.append(
+            "failed: no solution; the numbers in (parentheses) are those of the last step"
+        )
     few = f" first {len(shown)} of {len(own)} points" if len(shown) < len(own) else ""
     yield f"  Level {int(fine['level'])}, the finest:{few}"
     if wanted and not fits([*columns, *wanted, *rest]):
@@ -229,7 +268,11 @@ def _solvers(data: Any) -> Iterator[Part]:
 
     known: Any = slice(None)
     known = np.isfinite(by_solver("energy")).any(axis=0)
-    energy, steps, time = by_solver("energy"), by_solver("iterations"), np.nansum(by_solver("time"), axis=1)
+    energy, steps, time = (
+        by_solver("energy"),
+        by_solver("iterations"),
+        np.nansum(by_solver("time"), axis=1),
+    )
     size = np.max(np.abs(np.nan_to_num(energy)), axis=0)
     lowest = np.count_nonzero(energy <= np.nanmin(energy, axis=0) + SAME * size, axis=1)
     worst, apart = (np.fmax.reduce(by_solver(name), axis=1) for name in ("residual", "difference"))
@@ -247,11 +290,17 @@ def _solvers(data: Any) -> Iterator[Part]:
 
 
 def _said(data: Any) -> Iterator[str]:
-    """What failed, was not run, or holds only as far as rounding lets it; what is proved of the body itself."""
+    """What failed, was not run, or holds only as far as rounding lets it; what is proved of the
+    body itself."""
     status, total = data["status"].values, data["status"].size
-    failed = [tuple(place) for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))]
+    failed = [
+        tuple(place)
+        for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))
+    ]
     reasons = data["reason"].values if failed else {}
-    yield from failure_lines((PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed)
+    yield from failure_lines(
+        (PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed
+    )
     if "sensitivity_status" in data:
         known = np.count_nonzero(data["sensitivity_status"].isel(level=-1).values == DIFFERENTIABLE)
         of = data["status"].isel(level=-1).size
@@ -270,9 +319,16 @@ def _said(data: Any) -> Iterator[str]:
         yield lost
     if "lambda_1_low" in data:
         fine = data.isel(level=-1)
-        low, high, dual, mesh = (fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", ""))
-        unique, units = fine["proved_unique"].values.ravel() == 1, data["lambda_1_low"].attrs["units"]
-        yield from filter(None, (sentences.of_the_body(low, high, unique, units), sentences.locks(mesh, dual)))
+        low, high, dual, mesh = (
+            fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", "")
+        )
+        unique, units = (
+            fine["proved_unique"].values.ravel() == 1,
+            data["lambda_1_low"].attrs["units"],
+        )
+        yield from filter(
+            None, (sentences.of_the_body(low, high, unique, units), sentences.locks(mesh, dual))
+        )
     if len(places := np.argwhere(data["heat_status"].values == UNBALANCED)):
         defects = data["heat_balance"].values[tuple(places.T)]
         yield (
@@ -283,7 +339,8 @@ def _said(data: Any) -> Iterator[str]:
 
 
 def _point(data: Any, place: Any) -> str:
-    """The labels of a point and its level in words; place: index along every dimension of the status."""
+    """The labels of a point and its level in words; place: index along every dimension of the
+    status."""
     where = dict(zip(data["status"].dims, (int(i) for i in place), strict=True))
     level = f"level {int(data['level'][where.pop('level')])}"
     name = describe(data, where)
@@ -298,4 +355,5 @@ KINDS = {
     "history": (paths.history_verdict, paths.history_parts),
     "fit": (fit.verdict, fit.parts),
 }
-"""What says the sentence and the parts of a file of each kind, from its root dataset (the sentence of a run: file)."""
+"""What says the sentence and the parts of a file of each kind, from its root dataset (the sentence
+of a run: file)."""

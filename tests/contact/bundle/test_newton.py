@@ -1,4 +1,5 @@
-"""Bundle-Newton against the problems of TR-798; invariance, failure, its QP; every law of contact."""
+"""Bundle-Newton against the problems of TR-798; invariance, failure, its QP; every law of
+contact."""
 
 from functools import cache
 
@@ -24,7 +25,9 @@ NAMES = [p.name for p in PROBLEMS]
 
 
 def solved(outcome: Outcome, problem: Reference) -> bool:
-    return outcome.converged and abs(outcome.f - problem.f_star) <= 1e-9 * (1.0 + abs(problem.f_star))
+    return outcome.converged and abs(outcome.f - problem.f_star) <= 1e-9 * (
+        1.0 + abs(problem.f_star)
+    )
 
 
 @cache
@@ -38,8 +41,11 @@ def run(number: int) -> tuple[Outcome, list[State]]:
 def test_published_start_value_and_minimum(problem: Reference) -> None:
     value, digits = problem.oracle(problem.x0)[0], len(problem.f0.partition(".")[2])
     margin = 0.5001 * 10.0**-digits if digits >= 4 else 1e-13 * (1 + abs(value))
-    # Gill: 189.0225176 in double precision; a start rounded to single precision gives 189.0225219 (published …523)
-    assert value == pytest.approx(float(problem.f0), abs=6e-6 if problem.name == "Gill" else margin, rel=0)
+    # Gill: 189.0225176 in double precision; a start rounded to single precision gives 189.0225219
+    # (published …523)
+    assert value == pytest.approx(
+        float(problem.f0), abs=6e-6 if problem.name == "Gill" else margin, rel=0
+    )
     outcome, _ = run(problem.number)
     assert solved(outcome, problem), outcome.reason
 
@@ -53,7 +59,8 @@ def test_fewer_steps_and_evaluations_than_the_tuned_reference() -> None:
 
 @pytest.mark.parametrize("name", ["CB2", "Colville 1", "HS78", "Gill"])
 def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> None:
-    """Without a locality measure (γ = 0) the model is stationary far from a solution; resets alone repair it."""
+    """Without a locality measure (γ = 0) the model is stationary far from a solution; resets alone
+    repair it."""
     problem, states = PROBLEMS[NAMES.index(name)], list[State]()
     outcome = BundleNewton(gamma=0.0).run(problem.oracle, problem.x0, watch=states.append)
     assert any(state.kind == "reset" for state in states)
@@ -70,18 +77,22 @@ def scaled(oracle: Oracle, a: float, b: float) -> Oracle:
     return rescaled
 
 
-SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS[::4]] + [(p, 2.0**30, 2.0**-30) for p in PROBLEMS[1::8]]
+SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS[::4]] + [
+    (p, 2.0**30, 2.0**-30) for p in PROBLEMS[1::8]
+]
 
 
 @pytest.mark.parametrize(("problem", "a", "b"), SCALED)
 def test_binary_scaling_is_exact(problem: Reference, a: float, b: float) -> None:
     """Scaling f and x by powers of 4 is exact: an absolute constant anywhere would show at once.
 
-    Not bit for bit, because dense kernels round differently in differently aligned memory; later states of a long
-    run may therefore drift apart.
+    Not bit for bit, because dense kernels round differently in differently aligned memory; later
+    states of a long run may therefore drift apart.
     """
     (_, own), other = run(problem.number), list[State]()
-    BundleNewton(max_iterations=200).run(scaled(problem.oracle, a, b), b * problem.x0, watch=other.append)
+    BundleNewton(max_iterations=200).run(
+        scaled(problem.oracle, a, b), b * problem.x0, watch=other.append
+    )
     for p, q in zip(own[:6], other[:6], strict=True):
         assert q.kind == p.kind
         assert q.f == pytest.approx(a * p.f, rel=1e-10)
@@ -131,14 +142,34 @@ def test_start_at_the_solution_stops_at_once(name: str) -> None:
 @pytest.mark.parametrize(
     ("oracle", "x0", "most", "status", "words"),
     [
-        (lambda x: (-float(x[0]), np.array([-1.0]), np.zeros((1, 1))), np.ones(1), 2000, "UNBOUNDED", "growth"),
-        (lambda x: (np.nan, np.zeros(1), np.zeros((1, 1))), np.ones(1), 2000, "NOT_FINITE", "start"),
+        (
+            lambda x: (-float(x[0]), np.array([-1.0]), np.zeros((1, 1))),
+            np.ones(1),
+            2000,
+            "UNBOUNDED",
+            "growth",
+        ),
+        (
+            lambda x: (np.nan, np.zeros(1), np.zeros((1, 1))),
+            np.ones(1),
+            2000,
+            "NOT_FINITE",
+            "start",
+        ),
         # g points uphill: no decrease can be found
-        (lambda x: (float(x @ x), -2 * x, 2 * np.eye(2)), np.array([1.0, 2.0]), 2000, "STALLED", "check g and G"),
+        (
+            lambda x: (float(x @ x), -2 * x, 2 * np.eye(2)),
+            np.array([1.0, 2.0]),
+            2000,
+            "STALLED",
+            "check g and G",
+        ),
         (PROBLEMS[0].oracle, PROBLEMS[0].x0, 3, "ITERATION_LIMIT", "max_iterations"),
     ],
 )
-def test_failures_say_what_to_check(oracle: Oracle, x0: Array, most: int, status: str, words: str) -> None:
+def test_failures_say_what_to_check(
+    oracle: Oracle, x0: Array, most: int, status: str, words: str
+) -> None:
     outcome = BundleNewton(max_iterations=most).run(oracle, x0)
     assert (outcome.status, words in outcome.reason) == (Status[status], True), outcome.reason
 
@@ -159,26 +190,41 @@ def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() ->
     """Orthogonal slopes, where all but the steepest lie far below: the answer in closed form."""
     sizes = np.sqrt(np.concatenate([[0.0], np.full(11, 1e-8), [1e-7, 1e-3, 1.0, 1e4]]))
     c = np.concatenate([np.full(15, -25.0), [0.0]])
-    lam, q = direction(c, np.diag(sizes), np.zeros(16), positive_definite(np.zeros((16, 16)), 1.0, 1e-8, 0.0), c * 0)
+    lam, q = direction(
+        c,
+        np.diag(sizes),
+        np.zeros(16),
+        positive_definite(np.zeros((16, 16)), 1.0, 1e-8, 0.0),
+        c * 0,
+    )
     assert lam.sum() == pytest.approx(1.0, abs=1e-12)
-    assert 0.5 * q @ q + np.max(c + sizes * q) == pytest.approx(-25.0 + 25.0**2 / (2 * 1e4), rel=1e-8)
+    assert 0.5 * q @ q + np.max(c + sizes * q) == pytest.approx(
+        -25.0 + 25.0**2 / (2 * 1e4), rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("decades", [0.0, 12.0])
 def test_the_gap_of_the_quadratic_programme_is_rounding(decades: float) -> None:
-    """Repeated or dependent rows, or rows that span decades: what doubles leave of c + Aq at q, and of ‖Tᵀλ‖²."""
+    """Repeated or dependent rows, or rows that span decades: what doubles leave of c + Aq at q, and
+    of ‖Tᵀλ‖²."""
     eps = np.finfo(float).eps
     for seed in range(40):
         rng = np.random.default_rng(seed)
         n, N = int(rng.integers(2, 60)), int(rng.integers(2, 100))
         A = rng.standard_normal((N, n)) * 10.0 ** (decades * rng.uniform(-0.5, 0.5, (N, 1)))
         if not decades:
-            A = A[rng.integers(0, 1 + N // 3, N)] if seed % 2 else A[:, :2] @ rng.standard_normal((2, n))
+            A = (
+                A[rng.integers(0, 1 + N // 3, N)]
+                if seed % 2
+                else A[:, :2] @ rng.standard_normal((2, n))
+            )
         metric = positive_definite(np.diag(10.0 ** rng.uniform(-9, 0, n)), 0.0, 1e-8, 0.0)
         c = -(10.0 ** rng.uniform(-8, 1)) * rng.random(N)
         lam, q = direction(c, A, np.zeros(n), metric, rng.random(N) * (rng.random(N) < 0.4))
         primal = float(0.5 * q @ metric.matrix @ q + np.max(c + A @ q))
-        values = np.max(np.abs(c)) + np.max(np.linalg.norm(A[lam > 0.0], axis=1)) * np.linalg.norm(q)
+        values = np.max(np.abs(c)) + np.max(np.linalg.norm(A[lam > 0.0], axis=1)) * np.linalg.norm(
+            q
+        )
         white = lam[:, None] * metric.whiten(A)
         slope = np.linalg.norm(white.sum(axis=0)) * np.max(np.linalg.norm(white, axis=1))
         gap = primal + dual_decrease(c, A, lam, metric)
@@ -189,7 +235,8 @@ KINDS = ("tresca", "slip-weakening", "exponential", "saw-tooth", "jumps", "linea
 
 
 def problem_of(kind: str, m: int, ratio: float, load: float) -> ContactProblem:
-    """A half-plane body under an uneven load of both signs of at most `load`; a law of peak 1 that falls at ratio·λ₁.
+    """A half-plane body under an uneven load of both signs of at most `load`; a law of peak 1 that
+    falls at ratio·λ₁.
 
     load: 0.9 keeps every node sticking, 1.2 is just past first slip
     """
@@ -200,7 +247,9 @@ def problem_of(kind: str, m: int, ratio: float, load: float) -> ContactProblem:
         "slip-weakening": lambda: cases.slip_weakening(1.0, 0.4, d),
         "exponential": lambda: cases.exponential_decay(1.0, 0.4, d),
         "saw-tooth": lambda: cases.sawtooth(1.0, 0.5 / omega, 0.4 * omega, 0.5),
-        "jumps": lambda: piecewise_linear([(0, 1), (d, 0.7), (d, 0.5), (2 * d, 0.6), (2 * d, 0.3)], True, None, None),
+        "jumps": lambda: piecewise_linear(
+            [(0, 1), (d, 0.7), (d, 0.5), (2 * d, 0.6), (2 * d, 0.3)], True, None, None
+        ),
         "linear": lambda: linear(omega),
     }[kind]()
     A_tilde, c = cases.half_laplacian(m)
@@ -235,8 +284,11 @@ def test_every_law_is_solved_from_zero(kind: str, ratio: float) -> None:
 
 
 def test_the_exact_solution_is_a_start_of_bundle_newton_too() -> None:
-    """Two wells of one node: from zero and without friction it ends in one, beside the exact solution in the other."""
-    problem = ContactProblem(np.eye(1), np.array([0.79]), np.ones(1), cases.slip_weakening(1.0, 0.2, 0.4))
+    """Two wells of one node: from zero and without friction it ends in one, beside the exact
+    solution in the other."""
+    problem = ContactProblem(
+        np.eye(1), np.array([0.79]), np.ones(1), cases.slip_weakening(1.0, 0.2, 0.4)
+    )
     answer = solve_contact(problem, "bundle-newton", exact=np.array([0.1]))
     assert answer.energies[EXACT] == problem.energy(np.zeros(1))
     assert answer.start != EXACT

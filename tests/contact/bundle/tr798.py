@@ -1,10 +1,11 @@
 """Test problems 1–20 for nonsmooth unconstrained minimisation, each as an oracle x → (f, g, G).
 
-f is the value, g one subgradient and G the matrix of second derivatives of the piece that is active at x
-(the first one where several are). Kinks of |·| and ‖·‖ use the selection sign(0) = 0.
+f is the value, g one subgradient and G the matrix of second derivatives of the piece that is active
+at x (the first one where several are). Kinks of |·| and ‖·‖ use the selection sign(0) = 0.
 
-Literature: Lukšan & Vlček, Test problems for nonsmooth unconstrained and linearly constrained optimization,
-TR-798, Institute of Computer Science, Prague (2000). Arrays and reference counts: data/tr798.json.
+Literature: Lukšan & Vlček, Test problems for nonsmooth unconstrained and linearly constrained
+optimization, TR-798, Institute of Computer Science, Prague (2000). Arrays and reference counts:
+data/tr798.json.
 """
 
 import json
@@ -21,7 +22,9 @@ Array = NDArray[np.float64]
 Piece = tuple[float, Array, Array]
 Oracle = Callable[[Array], Piece]
 
-DATA: dict[str, Any] = json.loads((Path(__file__).parent / "data" / "tr798.json").read_text(encoding="utf-8"))
+DATA: dict[str, Any] = json.loads(
+    (Path(__file__).parent / "data" / "tr798.json").read_text(encoding="utf-8")
+)
 
 
 @dataclass(frozen=True)
@@ -104,12 +107,16 @@ def cb(x: Array, powers: tuple[int, int]) -> Piece:
 
 
 def dem(x: Array) -> Piece:
-    return largest([linear(x, (5, 1)), linear(x, (-5, 1)), quadratic(x, 2 * np.eye(2), np.array([0.0, 4.0]))])
+    return largest(
+        [linear(x, (5, 1)), linear(x, (-5, 1)), quadratic(x, 2 * np.eye(2), np.array([0.0, 4.0]))]
+    )
 
 
 def ql(x: Array) -> Piece:
     cuts = [linear(x, (0, 0)), linear(x, (-40, -10), 40.0), linear(x, (-10, -20), 60.0)]
-    return largest([combine((1.0, quadratic(x, 2 * np.eye(2), np.zeros(2))), (1.0, cut)) for cut in cuts])
+    return largest(
+        [combine((1.0, quadratic(x, 2 * np.eye(2), np.zeros(2))), (1.0, cut)) for cut in cuts]
+    )
 
 
 def lq(x: Array) -> Piece:
@@ -147,7 +154,12 @@ def wolfe(x: Array) -> Piece:
 
 def rosen_suzuki(x: Array) -> Piece:
     def q(diagonal: Sequence[float], slope: Sequence[float], constant: float) -> Piece:
-        return quadratic(x, 2 * np.diag(np.asarray(diagonal, dtype=float)), np.asarray(slope, dtype=float), constant)
+        return quadratic(
+            x,
+            2 * np.diag(np.asarray(diagonal, dtype=float)),
+            np.asarray(slope, dtype=float),
+            constant,
+        )
 
     f1 = q((1, 1, 2, 1), (-5, -5, -21, 7), 0.0)
     f2 = q((1, 1, 1, 1), (1, -1, 1, -1), -8.0)
@@ -167,7 +179,10 @@ def colville1(x: Array) -> Piece:
     A, b, C, d, e = (array(f"colville_{k}") for k in "abcde")
     cubic = (float(d @ x**3), 3 * d * x**2, np.diag(6 * d * x))
     smooth = combine((1.0, cubic), (1.0, quadratic(x, C + C.T, e)))
-    cuts = [linear(x, np.zeros(5)), *(linear(x, -row, constant) for row, constant in zip(A, b, strict=True))]
+    cuts = [
+        linear(x, np.zeros(5)),
+        *(linear(x, -row, constant) for row, constant in zip(A, b, strict=True)),
+    ]
     return combine((1.0, smooth), (50.0, largest(cuts)))
 
 
@@ -244,7 +259,9 @@ def gill_equation(x: Array) -> Piece:
     for i in range(2, 31):
         tau = (i - 1) / 29
         slope = np.concatenate([[0.0], j[1:] * tau ** (j[1:] - 1.0)])
-        residual = combine((1.0, linear(x, slope, -1.0)), (-1.0, square(linear(x, tau ** j.astype(float)))))
+        residual = combine(
+            (1.0, linear(x, slope, -1.0)), (-1.0, square(linear(x, tau ** j.astype(float))))
+        )
         terms.append((1.0, square(residual)))
     return combine(*terms)
 
@@ -256,7 +273,9 @@ def gill_valleys(x: Array) -> Piece:
         a, r = x[i - 1], x[i] - x[i - 1] ** 2
         f += 100 * r * r + (1 - x[i]) ** 2
         g[i - 1 : i + 1] += np.array([-400 * a * r, 200 * r - 2 * (1 - x[i])])
-        G[i - 1 : i + 1, i - 1 : i + 1] += np.array([[800 * a * a - 400 * r, -400 * a], [-400 * a, 202.0]])
+        G[i - 1 : i + 1, i - 1 : i + 1] += np.array(
+            [[800 * a * a - 400 * r, -400 * a], [-400 * a, 202.0]]
+        )
     return float(f), g, G
 
 
@@ -305,5 +324,9 @@ def problems() -> list[Reference]:
     found = []
     for number, (row, oracle) in enumerate(zip(DATA["problems"], ORACLES, strict=True), start=1):
         x0 = array(row["x0"]) if isinstance(row["x0"], str) else np.array(row["x0"], dtype=float)
-        found.append(Reference(number, row["name"], oracle, x0, row["f0"], float(row["f_star"]), tuple(row["pnew"])))
+        found.append(
+            Reference(
+                number, row["name"], oracle, x0, row["f0"], float(row["f_star"]), tuple(row["pnew"])
+            )
+        )
     return found

@@ -19,8 +19,9 @@ FRICTION, DAMAGE = Memory("friction"), Memory("damage")
 def test_a_jump_ends_in_the_next_well_downhill() -> None:
     """Stick and slip over teeth of a film, one at a time: a block on a spring of 0.06, by hand.
 
-    It lets go of the crest (0.1, 1) with l = 1.006 and is caught by the rise to (1, 2) where 0.06 s + b(s) = 1.006; of
-    that it lets go with 2.06, and ends where 0.06 s + 0.1 = 2.06. Released is ∫ (l − 0.06 s − b) ds.
+    It lets go of the crest (0.1, 1) with l = 1.006 and is caught by the rise to (1, 2) where 0.06 s
+    + b(s) = 1.006; of that it lets go with 2.06, and ends where 0.06 s + 0.1 = 2.06. Released is ∫
+    (l − 0.06 s − b) ds.
     """
     film = law(points=[(0.0, 0.5), (0.1, 1.0), (0.6, 0.1), (1.0, 2.0), (1.8, 0.1)])
     dip = 1.006 - 0.036 - 0.1
@@ -36,7 +37,8 @@ def test_a_jump_ends_in_the_next_well_downhill() -> None:
 
 
 def concave(d: float) -> Laws:
-    """τ(s) = 3 − exp(s/d) to s = d, then 3 − e: it falls more and more steeply, by 1/d at first and e/d in the end."""
+    """τ(s) = 3 − exp(s/d) to s = d, then 3 − e: it falls more and more steeply, by 1/d at first and
+    e/d in the end."""
     end, none = 3.0 - np.e, np.zeros(4)
     kinks, s_0 = np.array([-d, 0.0, d]), np.array([-d, 0.0, 0.0, d])
     a, r = np.array([0.0, 1.0, -1.0, 0.0]), np.array([0.0, 1.0, -1.0, 0.0]) / d
@@ -59,11 +61,14 @@ LET_GO = [
 def test_a_block_on_a_spring_lets_go_where_the_film_falls_as_the_spring_rises(
     memory: Memory, k: float, before: tuple[float, ...]
 ) -> None:
-    """τ′(s) = −k at s = ln k; the load stays while the block slides to k s + 3 − e: released is ∫ (l − k s − τ) ds."""
+    """τ′(s) = −k at s = ln k; the load stays while the block slides to k s + 3 − e: released is ∫
+    (l − k s − τ) ds."""
     fold, way = np.log(k), (-1.0) ** len(before)
     load = k * fold + 3.0 - k
     landing = (load - (3.0 - np.e)) / k
-    lost = 3.0 - np.e + (3.0 - np.e) * (landing - 1.0) - (3.0 * fold - k + 1.0) + 1.0  # ∫ τ from the fold on
+    lost = (
+        3.0 - np.e + (3.0 - np.e) * (landing - 1.0) - (3.0 * fold - k + 1.0) + 1.0
+    )  # ∫ τ from the fold on
     released = load * (landing - fold) - 0.5 * k * (landing**2 - fold**2) - lost
     body = remembering(np.array([[k]]), np.ones(1), concave(1.0), memory)
     steps = followed(body, [np.array([way * share * load]) for share in (*before, 1.2)])
@@ -75,7 +80,8 @@ def test_a_block_on_a_spring_lets_go_where_the_film_falls_as_the_spring_rises(
 
 
 def settled(A: Array, c: Array, film: Laws, load: Array, v: Array) -> Array:
-    """v ≥ 0 downhill from v: Newton's steps where the energy is convex, else those of its majorant linear in τ."""
+    """v ≥ 0 downhill from v: Newton's steps where the energy is convex, else those of its majorant
+    linear in τ."""
     for _ in range(10_000):
         force = load - A @ v - c * film.b(v, 1)
         free = np.flatnonzero((v > 0.0) | (force > 0.0))
@@ -91,7 +97,8 @@ def settled(A: Array, c: Array, film: Laws, load: Array, v: Array) -> Array:
 
 
 def first_jump(A: Array, c: Array, film: Laws, load: Array, begin: float) -> tuple[float, float]:
-    """(factor of the load, energy released) at the first jump by more than 0.02, by small steps, the last halved."""
+    """(factor of the load, energy released) at the first jump by more than 0.02, by small steps,
+    the last halved."""
 
     def energy(v: Array) -> float:
         return float(0.5 * v @ A @ v - at * load @ v + c @ film.j(v))
@@ -123,15 +130,20 @@ def test_a_line_lets_go_as_by_small_steps(film: Laws, begin: float) -> None:
 
 
 def check_no_jump(steps: list[HistoryStep]) -> None:
-    assert [(step.reason, step.jumps, step.released) for step in steps] == [("", 0, 0.0)] * len(steps)
+    assert [(step.reason, step.jumps, step.released) for step in steps] == [("", 0, 0.0)] * len(
+        steps
+    )
     assert not any(np.any(step.jumped) for step in steps)
     assert all(abs(step.closure) <= 1e-8 * abs(step.energy) for step in steps)
 
 
 @pytest.mark.parametrize(("stiffness", "metre"), [(1e-9, 1e3), (1.0, 1e-3), (1e15, 1e3)])
 @pytest.mark.parametrize("ratio", [1.0, 1e8, 1e11])
-def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, metre: float) -> None:
-    """Jenkins' element, spring K and Tresca resistance F: u = (P − F)/K, back to −u, and each loop the same.
+def test_a_stiff_block_on_a_spring_never_jumps(
+    stiffness: float, ratio: float, metre: float
+) -> None:
+    """Jenkins' element, spring K and Tresca resistance F: u = (P − F)/K, back to −u, and each loop
+    the same.
 
     ratio: of the block's stiffness to the spring's, from which rounding of slips follows
     """
@@ -150,7 +162,8 @@ def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, m
 
 
 def test_a_body_with_a_soft_way_never_jumps_under_a_constant_film() -> None:
-    """Stiffnesses over ten decades: what residuals move along the soft way gains energy, yet no node can let go."""
+    """Stiffnesses over ten decades: what residuals move along the soft way gains energy, yet no
+    node can let go."""
     rng, m = np.random.default_rng(203), 5
     modes = np.linalg.qr(rng.standard_normal((m, m)))[0]
     A = (modes * 10.0 ** rng.uniform(-8.0, 2.0, m)) @ modes.T

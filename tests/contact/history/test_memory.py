@@ -1,4 +1,5 @@
-"""memory: the law of every step is the derivative of stored + dissipated energy, by node and the row's own."""
+"""memory: the law of every step is the derivative of stored + dissipated energy, by node and the
+row's own."""
 
 import numpy as np
 import pytest
@@ -23,13 +24,17 @@ CASES: list[tuple[Memory, Laws]] = [
     (Memory("elastic-plastic", 5.0), HARDENING),
     (Memory("damage"), SOFTENING),
     (Memory("damage"), DECAYING),
-    (Memory("damage"), nodal([SOFTENING, BENT], [0, 1, 0, 1, 0, 1, 0], stronger=[1, 1, 2, 2, 1, 1, 1])),
+    (
+        Memory("damage"),
+        nodal([SOFTENING, BENT], [0, 1, 0, 1, 0, 1, 0], stronger=[1, 1, 2, 2, 1, 1, 1]),
+    ),
 ]
 
 
 @pytest.mark.parametrize(("memory", "law"), CASES, ids=lambda x: getattr(x, "name", None))
 def test_the_law_of_a_step_is_the_derivative_of_its_energy(memory: Memory, law: Laws) -> None:
-    """j = stored + dissipated, whatever is remembered; j and b of a row are those of the row as a law of its own."""
+    """j = stored + dissipated, whatever is remembered; j and b of a row are those of the row as a
+    law of its own."""
     m, rng = len(KAPPA), np.random.default_rng(3)
     model = MemoryModel(memory, law, m)
     state = NodeState(np.zeros(m), KAPPA, np.zeros(m))
@@ -57,9 +62,14 @@ def test_the_law_of_a_step_is_the_derivative_of_its_energy(memory: Memory, law: 
         (Memory("elastic-plastic", 5.0), {0.2: 1.0, 0.8: 1.5}),  # Δp = 0.5, τ = 1.5, 5 (0.8 − 0.5)
     ],
 )
-def test_what_has_slipped_so_far_moves_along_the_law(memory: Memory, values: dict[float, float]) -> None:
+def test_what_has_slipped_so_far_moves_along_the_law(
+    memory: Memory, values: dict[float, float]
+) -> None:
     """τ = 3 − w to w = 2, then 1: values by hand after κ = 1."""
-    state, model = NodeState(np.zeros(1), np.ones(1), np.zeros(1)), MemoryModel(memory, SOFTENING, 1)
+    state, model = (
+        NodeState(np.zeros(1), np.ones(1), np.zeros(1)),
+        MemoryModel(memory, SOFTENING, 1),
+    )
     assert {w: model.next_law(state).b([w])[0] for w in values} == values
     if memory.name == "elastic-plastic":
         flowed, _, _ = model.after(state, np.array([-0.8]))
@@ -74,8 +84,16 @@ def test_what_has_slipped_so_far_moves_along_the_law(memory: Memory, values: dic
         (Memory("damage"), law(points=[(0, 0), (1, 1), (2, 3)]), "secant b"),
         (Memory("damage"), law("saw-tooth", tau=1, delta=1, teeth=2, drop=1.0), "never rises"),
         (Memory("damage"), law(points=[(0, 1), (1, 1), (1, 2)]), "jumps up at s = 1"),
-        (Memory("elastic-plastic", 1.0), SOFTENING, "k = 1 Pa/m must be above the steepest fall h = 1 Pa/m"),
-        (Memory("elastic-plastic", 9.0), law("saw-tooth", tau=1, delta=1, teeth=2, drop=0.5), "h = inf"),
+        (
+            Memory("elastic-plastic", 1.0),
+            SOFTENING,
+            "k = 1 Pa/m must be above the steepest fall h = 1 Pa/m",
+        ),
+        (
+            Memory("elastic-plastic", 9.0),
+            law("saw-tooth", tau=1, delta=1, teeth=2, drop=0.5),
+            "h = inf",
+        ),
         (Memory("elastic-plastic", 9.0), DECAYING, "straight pieces"),
         (Memory("elastic-plastic"), SOFTENING, "needs a stiffness"),
         (Memory("elastic-plastic", 9.0), law(points=[(0, 1), (1, 1), (1, 2)]), "without up-jumps"),

@@ -1,4 +1,5 @@
-"""steps: exact rules on any body (Masing, secants), closed forms of pipelines and single cells, many small steps."""
+"""steps: exact rules on any body (Masing, secants), closed forms of pipelines and single cells,
+many small steps."""
 
 from dataclasses import replace
 from functools import reduce
@@ -14,13 +15,22 @@ from tcstudy.contact.problem import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import HistoryBranch, Memory
-from tests.contact.history.cases import check_energies, coupled_line, followed, remembering, softening, strip
+from tests.contact.history.cases import (
+    check_energies,
+    coupled_line,
+    followed,
+    remembering,
+    softening,
+    strip,
+)
 
 Array = NDArray[np.float64]
 FRICTION, DAMAGE = Memory("friction"), Memory("damage")
 
 
-@pytest.mark.parametrize("memory", [FRICTION, Memory("elastic-plastic", 3e10)], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "memory", [FRICTION, Memory("elastic-plastic", 3e10)], ids=lambda m: m.name
+)
 def test_masing(memory: Memory) -> None:
     """v(e₁ → e₂) = v(e₁) − 2 v((e₁ − e₂)/2), for slips, forces and plastic slips alike."""
     A, c, load = coupled_line(40)
@@ -31,12 +41,15 @@ def test_masing(memory: Memory) -> None:
         for name in ("v", "plastic", "xi"):
             whole = getattr(first, name)
             expected = whole - 2.0 * getattr(half, name)
-            assert getattr(back, name) == pytest.approx(expected, abs=1e-11 * (np.max(np.abs(whole)) or 1.0))
+            assert getattr(back, name) == pytest.approx(
+                expected, abs=1e-11 * (np.max(np.abs(whole)) or 1.0)
+            )
         assert back.unique
 
 
 def test_secants_scale_and_dissipate_nothing() -> None:
-    """Damage to e₁, then e in [−e₁, e₁]: v = (e/e₁) v(e₁), ξ likewise, D = 0; beyond e₁ the film goes on to break."""
+    """Damage to e₁, then e in [−e₁, e₁]: v = (e/e₁) v(e₁), ξ likewise, D = 0; beyond e₁ the film
+    goes on to break."""
     A, c, load = coupled_line(40)
     body = remembering(A, c, softening(), DAMAGE)
     factors = [3.0, 1.0, 0.0, -2.0, -3.0, -4.0]
@@ -53,9 +66,11 @@ def test_secants_scale_and_dissipate_nothing() -> None:
 BRANCHES = pytest.mark.parametrize("branch", ["continued", "lowest"])
 
 
-def walking(cells: int, hot: float, cycles: int, branch: HistoryBranch, slope: float = 0.0) -> list[HistoryStep]:
-    """H4: pipeline of 2000 m on r = 1 kN/m, warmed by `hot` and cooled again; pulled by 0.3 MN at its right end, or by
-    its weight, so much a length, along a slope."""
+def walking(
+    cells: int, hot: float, cycles: int, branch: HistoryBranch, slope: float = 0.0
+) -> list[HistoryStep]:
+    """H4: pipeline of 2000 m on r = 1 kN/m, warmed by `hot` and cooled again; pulled by 0.3 MN at
+    its right end, or by its weight, so much a length, along a slope."""
     A, c, heat = strip(cells, 2000.0, 3.2913e9, held=False)
     pull = slope * c if slope else np.append(np.zeros(cells), 0.3e6)
     body = remembering(A, c, law("tresca", tau=1e3), FRICTION, branch, loose=True)
@@ -69,9 +84,11 @@ def walking(cells: int, hot: float, cycles: int, branch: HistoryBranch, slope: f
 
 @BRANCHES
 def test_a_pipeline_that_only_friction_holds_walks(branch: HistoryBranch) -> None:
-    """(ε − (rL − S)/D) S/r a cycle, every point alike, to rounding where both anchors are nodes; 0 below 44.1 K.
+    """(ε − (rL − S)/D) S/r a cycle, every point alike, to rounding where both anchors are nodes; 0
+    below 44.1 K.
 
-    Down a slope hot N = −(r − w)(L − x), cold N = (r − w) x between anchors at L (1 ∓ w/r)/2: (ε − (r − w) L/D) L w/r.
+    Down a slope hot N = −(r − w)(L − x), cold N = (r − w) x between anchors at L (1 ∓ w/r)/2: (ε −
+    (r − w) L/D) L w/r.
     """
     sloping = (1.17e-5 * 80.0 - 700.0 * 2000.0 / 3.2913e9) * 2000.0 * 0.3
     for hot, slope, walk, off in ((60.0, 0.0, 55.64603e-3, 5e-9), (80.0, 300.0, sloping, 1e-12)):
@@ -88,14 +105,16 @@ def test_a_pipeline_that_only_friction_holds_walks(branch: HistoryBranch) -> Non
 
 @BRANCHES
 def test_a_walk_that_is_not_determined_says_so(branch: HistoryBranch) -> None:
-    """Where an anchor is the middle of a cell, all nodes slide at their limit and the body may lie anywhere."""
+    """Where an anchor is the middle of a cell, all nodes slide at their limit and the body may lie
+    anywhere."""
     steps = walking(100, 60.0, 1, branch)
     assert steps[-1].status == Status.NOT_POSITIVE_DEFINITE
     assert "not determined" in steps[-1].reason
 
 
 def in_parts(body: HistoryProblem, loads: list[Array], count: int) -> list[HistoryStep]:
-    """Every load in so many equal parts, each solved by descent from the one before: the last of each."""
+    """Every load in so many equal parts, each solved by descent from the one before: the last of
+    each."""
     ends = [np.zeros(body.body.m), *loads]
     parts = [a + k / count * (b - a) for a, b in pairwise(ends) for k in range(1, count + 1)]
     steps = list(history(replace(body, branch="lowest"), parts))
@@ -103,7 +122,8 @@ def in_parts(body: HistoryProblem, loads: list[Array], count: int) -> list[Histo
 
 
 def two_loads(m: int) -> tuple[Array, Array, list[Array]]:
-    """(Ã, c, loads) of two places, one taken off as the other grows: some nodes turn round, others start to slip."""
+    """(Ã, c, loads) of two places, one taken off as the other grows: some nodes turn round, others
+    start to slip."""
     A, c, load = coupled_line(m)
     place = np.linspace(0.0, 1.0, m)
     one, two = load * (place < 0.6), -load * (place > 0.3)
@@ -119,7 +139,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(("memory", "film"), CASES, ids=lambda x: getattr(x, "name", None))
-def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory: Memory, film: Laws) -> None:
+def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(
+    memory: Memory, film: Laws
+) -> None:
     A, c, loads = two_loads(20)
     body = remembering(A, c, film, memory)
     exact, coarse, fine = followed(body, loads), in_parts(body, loads, 4), in_parts(body, loads, 32)
@@ -135,10 +157,13 @@ def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory:
 
 
 @pytest.mark.parametrize(
-    ("memory", "falls_to", "delta"), [(FRICTION, 1.4e7, 2e-3), (DAMAGE, 4e6, 3e-4)], ids=["one solution", "jumps"]
+    ("memory", "falls_to", "delta"),
+    [(FRICTION, 1.4e7, 2e-3), (DAMAGE, 4e6, 3e-4)],
+    ids=["one solution", "jumps"],
 )
 def test_an_exponential_film_is_followed_too(memory: Memory, falls_to: float, delta: float) -> None:
-    """States and work are those of many small steps; energies close as exactly as along straight pieces."""
+    """States and work are those of many small steps; energies close as exactly as along straight
+    pieces."""
     A, c, loads = two_loads(30)
     body = remembering(A, c, law("exponential", a=2e7, b=falls_to, delta=delta), memory)
     steps = followed(body, loads)
@@ -151,13 +176,16 @@ def test_an_exponential_film_is_followed_too(memory: Memory, falls_to: float, de
 
 
 def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent() -> None:
-    """The path is the limit of small steps. Ã of cells longer than the strip is high is positive off its diagonal."""
+    """The path is the limit of small steps. Ã of cells longer than the strip is high is positive
+    off its diagonal."""
     m = 10
     B = np.eye(m) - np.eye(m, k=-1)
     A = B.T @ (np.eye(m) - 0.2 * (np.eye(m, k=1) + np.eye(m, k=-1))) @ B
     body = remembering(A, np.ones(m), law("tresca", tau=1.0), FRICTION)
     loads = [np.append(np.zeros(m - 1), pull) for pull in (0.7 * m, 0.0)]
     exact = followed(body, loads)[-1].v
-    apart = [np.max(np.abs(in_parts(body, loads, k)[-1].v - exact)) / np.max(exact) for k in (1, 16, 128)]
+    apart = [
+        np.max(np.abs(in_parts(body, loads, k)[-1].v - exact)) / np.max(exact) for k in (1, 16, 128)
+    ]
     assert apart[0] > 0.02
     assert apart[2] < 0.2 * apart[1] < 0.1 * apart[0]

@@ -11,7 +11,9 @@ from tests.contact import contact_cases as cases
 Array = NDArray[np.float64]
 
 
-def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf) -> Path:
+def follow(
+    problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf
+) -> Path:
     """The path through the solution v of parameter t in both directions."""
     return Follower(t_min=t_min, t_max=t_max).follow(problem, v, t)
 
@@ -28,7 +30,8 @@ def a_solution(problem: ParametricProblem, t: float) -> Array:
 
 
 def softening_line(m: int, d: float = 0.02, mu_k: float = 0.2, seed: int = 0) -> ParametricProblem:
-    """A half-plane model under slip weakening; the load rises along the line with some noise (no symmetry)."""
+    """A half-plane model under slip weakening; the load rises along the line with some noise (no
+    symmetry)."""
     A_tilde, c = cases.half_laplacian(m)
     x = (np.arange(m) + 0.5) / m
     noise = 0.05 * np.random.default_rng(seed).normal(size=m)

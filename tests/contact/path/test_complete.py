@@ -46,7 +46,9 @@ def test_random_problems_have_the_segments_that_brute_force_finds(m: int, seeds:
 def test_equal_nodes_are_undecided_and_a_small_change_decides_them() -> None:
     problem, _, _ = parametric(1, 3)
     A, law = np.array([[2.0, -0.5], [-0.5, 2.0]]), problem.law.single(0)
-    equal = replace(problem, A_tilde=A, c=np.ones(2), l_0=np.zeros(2), l_1=np.ones(2) * 3.0, law=law)
+    equal = replace(
+        problem, A_tilde=A, c=np.ones(2), l_0=np.zeros(2), l_1=np.ones(2) * 3.0, law=law
+    )
     said = all_branches(equal, 0.1, 1.0, 1.5)
     assert not said.complete
     assert "within rounding" in said.reason
@@ -54,7 +56,8 @@ def test_equal_nodes_are_undecided_and_a_small_change_decides_them() -> None:
 
 
 def test_what_a_limit_leaves_is_named_and_followed_from_the_values_asked_for() -> None:
-    """Branches that are known in part become whole; of each value it is known whether its list is all."""
+    """Branches that are known in part become whole; of each value it is known whether its list is
+    all."""
     at, more = (0.23, 0.61, 0.87), 0
     for seed in range(6):
         problem, lambda_1, _ = parametric(seed, 3)
@@ -69,7 +72,10 @@ def test_what_a_limit_leaves_is_named_and_followed_from_the_values_asked_for() -
     assert more
     problem, lambda_1, _ = parametric(2, 3)
     found = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=1))
-    assert found.reason == "the limit of boxes or time was met where the parameter is 0.25 to 0.3125, 0.6875 to 0.75"
+    assert (
+        found.reason
+        == "the limit of boxes or time was met where the parameter is 0.25 to 0.3125, 0.6875 to 0.75"
+    )
     beside = all_branches(problem, 0.2, 0.9, lambda_1, at=(0.5, 1.4))
     assert (beside.complete, beside.complete_at(0.5), beside.complete_at(1.4)) == (True, True, True)
     np.testing.assert_array_equal(beside.listed[1.4].v, all_solutions(problem.at(1.4)).v)
@@ -86,4 +92,6 @@ def test_a_branch_that_is_lost_is_missed(monkeypatch: pytest.MonkeyPatch) -> Non
         return cells._replace(sides=cells.sides[:0])
 
     monkeypatch.setattr(PolygonProblems, "search", forgetful)
-    assert all_branches(problem, 0.0, 1.0, 1.0).reason.startswith("the number of solutions, 0, is even")
+    assert all_branches(problem, 0.0, 1.0, 1.0).reason.startswith(
+        "the number of solutions, 0, is even"
+    )

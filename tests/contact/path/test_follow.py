@@ -1,4 +1,5 @@
-"""Paths: lost accuracy, reasons for the end, loops, ties; lines and inertia against dense algebra."""
+"""Paths: lost accuracy, reasons for the end, loops, ties; lines and inertia against dense
+algebra."""
 
 from dataclasses import replace
 
@@ -14,7 +15,8 @@ from tests.contact.path.cases import a_solution, follow, one_node, softening_lin
 
 
 def test_lost_accuracy_is_noticed_and_repaired(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The inverse is spoilt by a relative error now and then; residuals and path stay where they were."""
+    """The inverse is spoilt by a relative error now and then; residuals and path stay where they
+    were."""
     problem = softening_line(60, 0.01)
     exact = follow(problem, np.zeros(60), 0.0, 0.0, 3.0)
     assert exact.pieces > 2 * 60
@@ -55,7 +57,9 @@ def test_a_closed_loop_is_recognised(seed: int) -> None:
     """The start lies on an isolated loop: the path returns to it exactly, from either side."""
     rng = np.random.default_rng(seed)
     p = cases.random_problem(rng, int(rng.integers(1, 4)), max_kinks=6)
-    problem = ParametricProblem(p.A_tilde, rng.normal(size=p.m) * p.l_tilde * 0.3, p.l_tilde, p.c, p.law)
+    problem = ParametricProblem(
+        p.A_tilde, rng.normal(size=p.m) * p.l_tilde * 0.3, p.l_tilde, p.c, p.law
+    )
     v = a_solution(problem, 0.0)
     path = follow(problem, v, 0.0, -3.0, 3.0)
     assert path.begin == path.end == PathStatus.CLOSED_LOOP
@@ -90,7 +94,8 @@ def test_a_start_at_the_end_of_the_range_is_one_solution() -> None:
 
 
 def integer_problem(rng: np.random.Generator, m: int) -> ParametricProblem:
-    """Small whole numbers everywhere: ties, starts on kinks, singular and flat pieces are the rule."""
+    """Small whole numbers everywhere: ties, starts on kinks, singular and flat pieces are the
+    rule."""
     A_tilde = np.eye(m) * float(rng.integers(1, 4))
     if rng.random() < 0.7:
         A_tilde = A_tilde + 2 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)
@@ -108,17 +113,23 @@ def integer_problem(rng: np.random.Generator, m: int) -> ParametricProblem:
 
 
 def test_integer_data_full_of_ties() -> None:
-    """No stall, no cycle, an end with a reason, the inclusion at every vertex, stability by eigenvalues."""
+    """No stall, no cycle, an end with a reason, the inclusion at every vertex, stability by
+    eigenvalues."""
     orderly = 0
     for seed in range(100):
         rng = np.random.default_rng([seed, 53])
         problem = integer_problem(rng, int(rng.integers(1, 6)))
-        path = Follower(t_min=-9.0, t_max=9.0, max_pieces=2000).follow(problem, a_solution(problem, 0.0), 0.0)
+        path = Follower(t_min=-9.0, t_max=9.0, max_pieces=2000).follow(
+            problem, a_solution(problem, 0.0), 0.0
+        )
         ends = {path.begin, path.end}
         assert not ends & {PathStatus.PIECE_LIMIT, PathStatus.LOST_ACCURACY, PathStatus.UNBOUNDED}
         orderly += ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
         assert path.residual.max() <= 1e-12
-        assert all(problem.at(t).inclusion_residual(u, 1e-13) <= 1e-12 for t, u in zip(path.t, path.u, strict=True))
+        assert all(
+            problem.at(t).inclusion_residual(u, 1e-13) <= 1e-12
+            for t, u in zip(path.t, path.u, strict=True)
+        )
         for codes, stable in zip(path.codes, path.stable, strict=True):
             free = codes % 2 == 0
             H = problem.A_tilde[np.ix_(free, free)] + np.diag(problem.law.q[codes[free] // 2])
@@ -140,7 +151,8 @@ def test_a_flat_piece_is_followed_and_not_called_stable() -> None:
 
 @pytest.mark.parametrize("direction", ["both", "forward", "backward"])
 def test_starts_on_every_vertex_of_a_path(direction: str) -> None:
-    """Restarting exactly on a vertex (a node on a kink, some of them folds) gives the same set of vertices."""
+    """Restarting exactly on a vertex (a node on a kink, some of them folds) gives the same set of
+    vertices."""
     A_tilde, c = cases.half_laplacian(6)
     law = cases.slip_weakening(1, 0.2, 0.2)
     problem = ParametricProblem(A_tilde, np.zeros(6), c * np.linspace(1.0, 1.6, 6), c, law)
@@ -150,7 +162,9 @@ def test_starts_on_every_vertex_of_a_path(direction: str) -> None:
         again = Follower(t_min=-2.0, t_max=2.0).follow(problem, path.u[k], path.t[k], direction)  # type: ignore[arg-type]
         assert {tuple(np.round(u, 9) + 0.0) for u in again.u} <= points
         if direction == "both":
-            assert len(again.t) == len(path.t) - (k != path.start)  # that start is a vertex of its own
+            assert len(again.t) == len(path.t) - (
+                k != path.start
+            )  # that start is a vertex of its own
 
 
 def test_lines_corrections_and_inertia_after_random_changes() -> None:
@@ -173,16 +187,21 @@ def test_lines_corrections_and_inertia_after_random_changes() -> None:
             continue
         M, way = np.where(free, A + np.diag(k), np.eye(m)), basis.way
         exact = np.linalg.solve(M, load)
-        assert way / way[m] == pytest.approx(np.append(exact, 1.0), rel=1e-9, abs=1e-11 * np.max(np.abs(exact)))
+        assert way / way[m] == pytest.approx(
+            np.append(exact, 1.0), rel=1e-9, abs=1e-11 * np.max(np.abs(exact))
+        )
         defect = rng.normal(size=m)
         moved = basis.moved(defect)
         assert moved[basis.driver] == 0.0
         assert M @ moved[:m] - moved[m] * load == pytest.approx(defect, abs=1e-10)
-        assert basis.negatives == np.count_nonzero(np.linalg.eigvalsh((A + np.diag(k))[np.ix_(free, free)]) < 0.0)
+        assert basis.negatives == np.count_nonzero(
+            np.linalg.eigvalsh((A + np.diag(k))[np.ix_(free, free)]) < 0.0
+        )
 
 
 def test_a_singular_cell_has_a_line_with_t_at_rest_or_none() -> None:
-    """H = [[2, −1], [−1, 2]] + diag(k): singular for k = −1 along (1, 1), along which the load pulls, or not."""
+    """H = [[2, −1], [−1, 2]] + diag(k): singular for k = −1 along (1, 1), along which the load
+    pulls, or not."""
     A = np.array([[2.0, -1.0], [-1.0, 2.0]])
     free, k, pull = np.array([True, True]), np.array([-1.0, -1.0]), np.array([1.0, 1.0])
     assert BasisInverse(A, pull, free, k).way == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)

@@ -1,4 +1,5 @@
-"""Exported fields as other programs open them: PyVista and xugrid; stresses against closed forms."""
+"""Exported fields as other programs open them: PyVista and xugrid; stresses against closed
+forms."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +24,9 @@ def body(gradient: list[list[float]], theta: float) -> BodyFields:
     """Two triangles of either orientation with a linear displacement and one temperature."""
     xy = np.array([[0.0, 0.0], [3.0, 0.5], [2.0, 2.0], [-1.0, 1.0]])
     triangles = np.array([[0, 1, 2], [0, 3, 2]])
-    return BodyFields(xy, triangles, xy @ np.array(gradient).T, np.full(4, theta), "K", np.zeros(2, dtype=np.int8))
+    return BodyFields(
+        xy, triangles, xy @ np.array(gradient).T, np.full(4, theta), "K", np.zeros(2, dtype=np.int8)
+    )
 
 
 def test_stresses_of_closed_forms() -> None:
@@ -70,7 +73,9 @@ def test_recovered_stresses_are_exact_where_they_are_constant_and_jump_between_m
 
 
 def test_pyvista_opens_the_sweep(stored: Stored, tmp_path: Path) -> None:
-    pyvista = pytest.importorskip("pyvista", reason="PyVista, which reads the files as ParaView does, is not installed")
+    pyvista = pytest.importorskip(
+        "pyvista", reason="PyVista, which reads the files as ParaView does, is not installed"
+    )
     written = write_fields(stored("block"), tmp_path)
     assert (written.points, written.lacks) == (6, ())
     reader = pyvista.PVDReader(str(written.path))
@@ -80,7 +85,9 @@ def test_pyvista_opens_the_sweep(stored: Stored, tmp_path: Path) -> None:
     with tcstudy.open_results(stored("block")) as tree:
         group = tree["level_1"].dataset.sel(theta_bar=10.0, friction="weak").load()
     assert (solid.field_data["theta_bar"][0], solid.field_data["friction"][0]) == (10.0, "weak")
-    assert np.array_equal(solid["u"], np.column_stack([group["u_x"], group["u_y"], 0.0 * group["u_x"]]))
+    assert np.array_equal(
+        solid["u"], np.column_stack([group["u_x"], group["u_y"], 0.0 * group["u_x"]])
+    )
     assert np.array_equal(solid["theta"], group["theta"])
     assert all(np.array_equal(line[name], group[name]) for name in ("u_T", "xi"))
     assert line.n_lines == 1
@@ -91,8 +98,9 @@ def test_pyvista_opens_the_sweep(stored: Stored, tmp_path: Path) -> None:
         assert array.GetInformation().Get(type(array).UNITS_LABEL()) == unit
     area = np.asarray(solid.compute_cell_sizes()["Area"])
     assert area.sum() == pytest.approx(0.02)
-    # the stresses do the virtual work of the known traction: for the interpolant w of (x y, 0), which is zero on clamp
-    # and contact line, ∫ σ:ε(w) = ∫ σ_xx ∂w/∂x + σ_xy ∂w/∂y = 3 MPa · L · ½ H²
+    # the stresses do the virtual work of the known traction: for the interpolant w of (x y, 0),
+    # which is zero on clamp and contact line, ∫ σ:ε(w) = ∫ σ_xx ∂w/∂x + σ_xy ∂w/∂y = 3 MPa · L · ½
+    # H²
     corners, sigma = solid.points[solid.cells_dict[5]], solid["stress"]
     w = corners[..., 0] * corners[..., 1]
     corners[..., 2] = 1.0
@@ -101,7 +109,9 @@ def test_pyvista_opens_the_sweep(stored: Stored, tmp_path: Path) -> None:
     assert work == pytest.approx(3e6 * 0.2 * 0.1**2 / 2, rel=1e-8)
 
 
-@pytest.mark.filterwarnings("ignore:numba is not installed", "ignore:No (standard_name|CRS)")  # those of maps
+@pytest.mark.filterwarnings(
+    "ignore:numba is not installed", "ignore:No (standard_name|CRS)"
+)  # those of maps
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_xugrid_opens_the_mesh_of_a_level(stored: Stored) -> None:
     xugrid = pytest.importorskip("xugrid", reason="xugrid, which reads UGRID, is not installed")
@@ -109,10 +119,18 @@ def test_xugrid_opens_the_mesh_of_a_level(stored: Stored) -> None:
         level = tree["level_1"].to_dataset()
         opened = xugrid.UgridDataset(level)
         grid = opened.grid
-        assert (grid.name, grid.node_dimension, grid.face_dimension) == ("mesh", "mesh_node", "mesh_face")
-        assert np.array_equal(grid.node_coordinates, np.column_stack([level["node_x"], level["node_y"]]))
+        assert (grid.name, grid.node_dimension, grid.face_dimension) == (
+            "mesh",
+            "mesh_node",
+            "mesh_face",
+        )
+        assert np.array_equal(
+            grid.node_coordinates, np.column_stack([level["node_x"], level["node_y"]])
+        )
         assert np.sum(grid.area) == pytest.approx(0.02)
-        assert opened["u_x"].sel(friction="weak", theta_bar=10.0).sizes == {"mesh_node": grid.n_node}
+        assert opened["u_x"].sel(friction="weak", theta_bar=10.0).sizes == {
+            "mesh_node": grid.n_node
+        }
 
 
 def test_without_fields_and_solutions_the_lines_are_written(stored: Stored, tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
-"""Pictures of laws, sweeps, paths, histories and fits: the numbers drawn, what is said and refused, any size."""
+"""Pictures of laws, sweeps, paths, histories and fits: the numbers drawn, what is said and refused,
+any size."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -41,11 +42,18 @@ def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(stored:
         assert np.all((low - 1e-6 <= xi) & (xi <= high + 1e-6))
     figure, _ = drawn(stored("films"), law=True)
     marked = [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
-    assert sum(len(np.asarray(line.get_xdata())) for line in marked) == np.count_nonzero(bonded) < len(bonded)
-    # states go out by the law of each node: softening only on the shoe, between nothing and 0.1 of slip
+    assert (
+        sum(len(np.asarray(line.get_xdata())) for line in marked)
+        == np.count_nonzero(bonded)
+        < len(bonded)
+    )
+    # states go out by the law of each node: softening only on the shoe, between nothing and 0.1 of
+    # slip
     with xr.open_datatree(stored("films")) as tree:
         group = tree["level_0"].to_dataset().load()
-    states = node_states(law_of_nodes(read_study_text(FILMS).scenes[0].friction, group), line.u_T, line.sticks)
+    states = node_states(
+        law_of_nodes(read_study_text(FILMS).scenes[0].friction, group), line.u_T, line.sticks
+    )
     softens = (line.x >= 1) & (line.u_T > 0) & (line.u_T < 0.1) & ~line.sticks
     assert np.array_equal(states == ContactState.SOFTEN, softens)
     assert np.all(states[(line.x >= 1) & (line.u_T > 0.1)] == ContactState.WEAKENED)
@@ -56,8 +64,14 @@ def test_a_law_shows_its_jumps_and_every_node_at_its_slip_and_traction(stored: S
     m = len(point.line.u_T)
     brittle = SHAPES["piecewise-linear"].build(points=[(0.0, 2e7), (1e-5, 2e7), (1e-5, 5e6)])
     with style.styled():
-        figure = law_figure(point, ([("", brittle)], np.zeros(m, dtype=np.intp), np.ones(m)), style.Look())
-    marked = [np.array(line.get_data(), dtype=float) for line in figure.axes[0].lines if line.get_linestyle() == "None"]
+        figure = law_figure(
+            point, ([("", brittle)], np.zeros(m, dtype=np.intp), np.ones(m)), style.Look()
+        )
+    marked = [
+        np.array(line.get_data(), dtype=float)
+        for line in figure.axes[0].lines
+        if line.get_linestyle() == "None"
+    ]
     drawn = np.sort(np.concatenate(marked, axis=1))
     np.testing.assert_allclose(drawn, np.sort([1e6 * point.line.u_T, point.line.xi / 1e6]))
     assert key_of(figure)[-1] == f"slips ({np.count_nonzero(~point.line.sticks)} nodes)"
@@ -71,12 +85,19 @@ def test_curves_show_the_stored_numbers_and_say_what_is_missing(stored: Stored) 
     assert [line.get_label() for line in lines] == ["plain", "weak"]
     kept = load_root(stored("failed"))["u_T_max"].values[:, :, 1]
     for line, values in zip(lines, kept.T, strict=True):
-        np.testing.assert_allclose(np.array(line.get_data(), dtype=float), [[0.0, 10.0, 20.0], 1e6 * values])
+        np.testing.assert_allclose(
+            np.array(line.get_data(), dtype=float), [[0.0, 10.0, 20.0], 1e6 * values]
+        )
     assert np.isnan(kept).tolist() == [[False, False], [False, False], [False, True]]
     assert figure.axes[0].get_xlabel() == "θ̄ [K]"
-    assert words == "u_T_max over theta_bar and friction, level 1, 1 of 6 points left out: 1 singular"
+    assert (
+        words == "u_T_max over theta_bar and friction, level 1, 1 of 6 points left out: 1 singular"
+    )
     chosen = read_sweep(stored("block"), ("theta_bar",), "u_T_max", {"friction": "weak"}, 0)
-    assert (chosen.words, len(chosen.values)) == ("u_T_max over theta_bar, friction = weak, level 0", 3)
+    assert (chosen.words, len(chosen.values)) == (
+        "u_T_max over theta_bar, friction = weak, level 0",
+        3,
+    )
 
 
 def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored: Stored) -> None:
@@ -90,7 +111,11 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
     (mesh,) = figure.axes[0].collections
     missing = [[False] * 3, [False, False, True]]
     np.testing.assert_array_equal(np.ma.getmaskarray(mesh.get_array()), missing)
-    hatches = [patch.get_hatch() for patch in figure.axes[0].patches if np.size(patch.get_path().vertices) > 2]
+    hatches = [
+        patch.get_hatch()
+        for patch in figure.axes[0].patches
+        if np.size(patch.get_path().vertices) > 2
+    ]
     open_ = np.count_nonzero(~shown.proved & np.isfinite(shown.values))
     assert [sum(str(hatch) == one for hatch in hatches) for one in ("//", "xxx")] == [open_, 1]
     assert key_of(bounded)[-1] == "ω = $λ_1$"
@@ -100,7 +125,9 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
 
 def test_points_of_a_list_and_random_ones_are_not_joined(stored: Stored) -> None:
     by = read_sweep(stored("listed"), ("alpha", "tau_s"), "slip_length", None, -1)
-    one = read_sweep(stored("listed"), ("alpha",), "slip_length", None, -1)  # two points of the list share one α
+    one = read_sweep(
+        stored("listed"), ("alpha",), "slip_length", None, -1
+    )  # two points of the list share one α
     random = replace(by, parameters=tuple(replace(one, random=True) for one in by.parameters))
     for sweep, expected in ((by, "-"), (one, "None"), (random, "None")):
         with style.styled():
@@ -116,8 +143,13 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(stored: Stored) -> None
     curve = next(axes for axes in figure.axes if axes.get_ylabel().startswith("mean"))
     (solid,) = [line for line in curve.lines if line.get_color() == style.INK]
     red = [line for line in curve.lines if line.get_color() == style.VERMILLION]
-    (dashed,), (folds,) = ([one for one in red if (one.get_marker() == "o") is marks] for marks in (False, True))
-    pieces = [int(np.isfinite(np.diff(np.asarray(one.get_xdata(), dtype=float))).sum()) for one in (solid, dashed)]
+    (dashed,), (folds,) = (
+        [one for one in red if (one.get_marker() == "o") is marks] for marks in (False, True)
+    )
+    pieces = [
+        int(np.isfinite(np.diff(np.asarray(one.get_xdata(), dtype=float))).sum())
+        for one in (solid, dashed)
+    ]
     assert pieces == [int(data["stable"].sum()), data.sizes["piece"] - int(data["stable"].sum())]
     vertices = folds_of(data)
     assert len(vertices) == 8
@@ -132,40 +164,67 @@ def test_the_loop_is_the_slip_of_the_end_over_the_load(stored: Stored) -> None:
     end = data["u_T"].values[:, np.abs(data["u_T"].values).max(axis=0).argmax()]
     whole = next(line for line in loop.lines if len(np.asarray(line.get_xdata())) == 17)
     assert np.array_equal(np.asarray(whole.get_xdata()), data["theta"].values)
-    assert np.asarray(whole.get_ydata()) / np.asarray(whole.get_ydata())[2] == pytest.approx(end / end[2])
+    assert np.asarray(whole.get_ydata()) / np.asarray(whole.get_ydata())[2] == pytest.approx(
+        end / end[2]
+    )
     what = np.asarray(motion.collections[0].get_array()).reshape(data.sizes["node"], 16)
     assert np.all(what[-1] == [1, 1, 2, 2, 2, 2, 1, 1] * 2)  # the end always slides, with the load
     assert np.all(what[0] == 0)  # what is next to the middle never does
     sums = [data["dissipated"].values[1:9].sum(), data["dissipated"].values[9:].sum()]
     assert np.asarray(spent.lines[0].get_ydata()) == pytest.approx(sums)
     slips = data["u_T"].values[[0, 8, 16]]
-    assert np.asarray(left.lines[0].get_ydata()) == pytest.approx(np.abs(np.diff(slips, axis=0)).max(axis=1))
+    assert np.asarray(left.lines[0].get_ydata()) == pytest.approx(
+        np.abs(np.diff(slips, axis=0)).max(axis=1)
+    )
 
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize(
     ("name", "wanted"),
-    [("block", {}), ("path", {"y": "friction"}), ("history", {"at": FIXED, "y": "dissipated"}), ("fit", {})],
+    [
+        ("block", {}),
+        ("path", {"y": "friction"}),
+        ("history", {"at": FIXED, "y": "dissipated"}),
+        ("fit", {}),
+    ],
 )
-def test_no_text_leaves_the_page(stored: Stored, name: str, wanted: dict[str, str], size: tuple[float, float]) -> None:
+def test_no_text_leaves_the_page(
+    stored: Stored, name: str, wanted: dict[str, str], size: tuple[float, float]
+) -> None:
     figure, _ = drawn(stored(name), size=size, **wanted)
     assert crowded(figure, alone=True) == []
 
 
 def test_sizes() -> None:
-    assert style.size_in_inches("80 x 100 mm") == pytest.approx(style.size_in_inches("8x10cm")) == (8 / 2.54, 10 / 2.54)
+    assert (
+        style.size_in_inches("80 x 100 mm")
+        == pytest.approx(style.size_in_inches("8x10cm"))
+        == (8 / 2.54, 10 / 2.54)
+    )
     for text in ("8x5", "x5cm", "0x5cm", "9000x5cm", "-8x5cm"):
         with pytest.raises(UsageError, match="size: "):
             style.size_in_inches(text)
-    assert [style.Look((width, 4.0)).letters for width in (2.0, 6.0, 20.0)] == [7.0, 7.125, style.USUAL]
+    assert [style.Look((width, 4.0)).letters for width in (2.0, 6.0, 20.0)] == [
+        7.0,
+        7.125,
+        style.USUAL,
+    ]
 
 
 @pytest.mark.parametrize(
     ("name", "wanted", "message"),
     [
-        ("block", {"x": "theta_bar", "y": "slip_lenght"}, "no number 'slip_lenght' .* did you mean 'slip_length'"),
+        (
+            "block",
+            {"x": "theta_bar", "y": "slip_lenght"},
+            "no number 'slip_lenght' .* did you mean 'slip_length'",
+        ),
         ("block", {"map": ("theta_bar", "theta_bar"), "of": "energy"}, "theta_bar is named twice"),
-        ("block", {"x": "theta_bar", "y": "energy", "at": {"theta_bar": 10}}, "theta_bar is drawn with all its values"),
+        (
+            "block",
+            {"x": "theta_bar", "y": "energy", "at": {"theta_bar": 10}},
+            "theta_bar is drawn with all its values",
+        ),
         ("block", {"x": "theta_bar"}, "x: give y, too"),
         (
             "block",
@@ -191,7 +250,9 @@ def test_bad_names_are_refused_before_anything_is_written(
     assert not (tmp_path / "a.png").exists()
 
 
-def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(stored: Stored, tmp_path: Path) -> None:
+def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(
+    stored: Stored, tmp_path: Path
+) -> None:
     """Journals refuse fonts of Type 3; letters as outlines can be neither edited nor found."""
     import matplotlib
 
@@ -210,10 +271,16 @@ def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(st
 
 
 def test_an_index_stands_below_its_letter_and_nothing_else_is_a_formula() -> None:
-    assert style.math("mean |u_T|, τ_xy and −S_T for $5") == r"mean |$u_{T}$|, $τ_{xy}$ and −$S_{T}$ for \$5"
+    assert (
+        style.math("mean |u_T|, τ_xy and −S_T for $5")
+        == r"mean |$u_{T}$|, $τ_{xy}$ and −$S_{T}$ for \$5"
+    )
     assert [style.math(text) for text in ("N^-0.35", "pull_fit.csv", "λ_1")] == [
         "$N^{-0.35}$",
         "pull_fit.csv",
         "$λ_{1}$",
     ]
-    assert [style.symbol(name) for name in ("boundary.grip.u_x", "heat.theta_bar")] == ["u_x of grip", "θ̄"]
+    assert [style.symbol(name) for name in ("boundary.grip.u_x", "heat.theta_bar")] == [
+        "u_x of grip",
+        "θ̄",
+    ]

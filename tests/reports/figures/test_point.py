@@ -23,11 +23,15 @@ WIDTH, HEIGHT = 0.2, 0.1
 
 
 def test_the_curves_are_the_stored_numbers_in_readable_units(stored: Stored) -> None:
-    upper, lower = contact_panels(drawn(stored("block"), at={"theta_bar": 20, "friction": "weak"})[0])
+    upper, lower = contact_panels(
+        drawn(stored("block"), at={"theta_bar": 20, "friction": "weak"})[0]
+    )
     with xr.open_datatree(stored("block")) as tree:
         level = tree["level_1"].dataset.isel(theta_bar=2, friction=1).load()
     n, s = level.sizes["node"], 1e3 * level["arclength"].values
-    np.testing.assert_allclose(shown_line(upper), [[0.0, *s], [0.0, *(1e6 * level["u_T"].values)]], rtol=1e-12)
+    np.testing.assert_allclose(
+        shown_line(upper), [[0.0, *s], [0.0, *(1e6 * level["u_T"].values)]], rtol=1e-12
+    )
     edges, values = shown_line(lower)
     np.testing.assert_allclose(values[::2], 1e-6 * level["xi"].values, rtol=1e-12)
     # Segments: the first one reaches to the held node at s = 0, the last one is half an element.
@@ -46,13 +50,17 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored
     still = 1e3 * shown.body.xy
     moved = 1e3 * (shown.body.xy + factor * shown.body.u)
     found = [
-        np.array(line.get_data(), dtype=float)[:, :-1] for line in body.lines if len(line.get_xdata()) == len(rim) + 2
+        np.array(line.get_data(), dtype=float)[:, :-1]
+        for line in body.lines
+        if len(line.get_xdata()) == len(rim) + 2
     ]
     expected = [np.transpose(*polylines(one[rim])) for one in (still, moved)]
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     box, (left, right), (bottom, top) = body.get_window_extent(), body.get_xlim(), body.get_ylim()
     assert (right - left) / box.width == pytest.approx((top - bottom) / box.height, rel=1e-9)
-    high, *below = figure_of(replace(shown, body=replace(shown.body, xy=shown.body.xy * [1.0, 4.0]))).axes[:3]
+    high, *below = figure_of(
+        replace(shown, body=replace(shown.body, xy=shown.body.xy * [1.0, 4.0]))
+    ).axes[:3]
     assert high.get_ylim()[0] < 0.0 < 4e3 * HEIGHT < high.get_ylim()[1]
     assert {one.get_xlim() for one in below} == {high.get_xlim()}
 
@@ -61,7 +69,9 @@ def test_no_text_overlaps_another_and_roles_and_the_heater_are_named(stored: Sto
     shown = read_picture(stored("block"))
     clamp = NamedEdge("wall", "clamped", 0, np.array([[0.0, HEIGHT], [0.0, 0.0]]))
     rest = NamedEdge("film", "contact", 0, np.array([[0.0, 0.0], [WIDTH, 0.0]]))
-    end = NamedEdge("end", "convection", 0, np.array([[WIDTH, 0.0], [WIDTH, HEIGHT], [0.0, HEIGHT]]), True)
+    end = NamedEdge(
+        "end", "convection", 0, np.array([[WIDTH, 0.0], [WIDTH, HEIGHT], [0.0, HEIGHT]]), True
+    )
     heater = np.array([[0.05, 0.03], [0.1, 0.03], [0.1, 0.06], [0.05, 0.06]])
     for one in (
         shown,
@@ -88,17 +98,26 @@ def test_what_sticks_is_shaded_in_both_panels(stored: Stored) -> None:
         (shade,) = [patch for patch in axes.patches if not hasattr(patch, "get_data")]
         assert (shade.get_x(), shade.get_x() + shade.get_width()) == pytest.approx((0.0, 100.0))
     still = replace(shown, line=replace(half, u_T=0.0 * half.u_T), body=None)
-    assert contact_panels(figure_of(still))[0].get_yticks().tolist() == [0.0]  # ±0.05 m would look like measured
+    assert contact_panels(figure_of(still))[0].get_yticks().tolist() == [
+        0.0
+    ]  # ±0.05 m would look like measured
 
 
 def test_parts_end_at_gaps_and_held_corners(stored: Stored) -> None:
     assert TWO.parts == [slice(0, 2), slice(2, 4)]
     np.testing.assert_allclose(TWO.cells(slice(0, 2)), [0.0, 1.5, 3.0])
     np.testing.assert_allclose(TWO.cells(slice(2, 4)), [3.0, 4.5, 5.0])
-    assert line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1]).parts == [slice(0, 4)]
-    _, lower = contact_panels(figure_of(replace(read_picture(stored("block")), line=TWO, body=None, held=())))
+    assert line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1]).parts == [
+        slice(0, 4)
+    ]
+    _, lower = contact_panels(
+        figure_of(replace(read_picture(stored("block")), line=TWO, body=None, held=()))
+    )
     steps = [line.get_ydata()[::2].tolist() for line in lower.lines if len(line.get_xdata()) > 2]
-    assert (steps, [text.get_text() for text in lower.texts]) == ([[10.0, 20.0], [30.0, 40.0]], ["pad", "rim"])
+    assert (steps, [text.get_text() for text in lower.texts]) == (
+        [[10.0, 20.0], [30.0, 40.0]],
+        ["pad", "rim"],
+    )
 
 
 def test_a_ring_closes_on_itself(stored: Stored) -> None:
@@ -108,13 +127,20 @@ def test_a_ring_closes_on_itself(stored: Stored) -> None:
     ends, nodes = ring.steps(part)
     np.testing.assert_allclose(ends, [0.0, 0.5, 1.5, 2.5, 3.5, 4.0])
     assert (nodes.tolist(), stick_ranges(ring)) == ([0, 1, 2, 3, 0], [pytest.approx((0.5, 3.5))])
-    assert not line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [0.5, 1, 1, 0.5], [0] * 4).closed(part)
-    assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(slice(0, 3))  # both ends held
+    assert not line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [0.5, 1, 1, 0.5], [0] * 4).closed(
+        part
+    )
+    assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(
+        slice(0, 3)
+    )  # both ends held
     shown = read_picture(stored("block"), level=0)
     rim = boundary_edges(shown.body.xy, shown.body.triangles)
     (walk,) = polylines(shown.body.xy[rim])
     step, m = np.hypot(*np.diff(walk, axis=0).T), len(rim)
-    x, y, s, c = (one.tolist() for one in (*walk[:-1].T, np.cumsum(step) - step, 0.5 * (step + np.roll(step, 1))))
+    x, y, s, c = (
+        one.tolist()
+        for one in (*walk[:-1].T, np.cumsum(step) - step, 0.5 * (step + np.roll(step, 1)))
+    )
     around = line(x, y, s, c, [1] * m)
     (edge,) = contact_edges(around, {})  # as of a body whose edges the study does not say
     assert np.array_equal(edge.line, walk)
@@ -122,18 +148,24 @@ def test_a_ring_closes_on_itself(stored: Stored) -> None:
     assert [text.get_text() for text in named.texts if text.get_text()] == ["rim"]
     with xr.open_datatree(stored("block")) as tree:
         (edge,) = contact_edges(shown.line, tree["level_0"].to_dataset().load())
-    assert (edge.name, edge.line[:, 0]) == ("film", pytest.approx(WIDTH / 5 * np.arange(6)))  # from the held corner on
+    assert (edge.name, edge.line[:, 0]) == (
+        "film",
+        pytest.approx(WIDTH / 5 * np.arange(6)),
+    )  # from the held corner on
 
 
 def test_each_geometry_has_its_own_mesh(stored: Stored) -> None:
-    high, less = (read_picture(stored("pads"), {"height": 0.02, "u_x": u_x}) for u_x in (0.002, 0.001))
+    high, less = (
+        read_picture(stored("pads"), {"height": 0.02, "u_x": u_x}) for u_x in (0.002, 0.001)
+    )
     assert np.ptp(high.body.xy[:, 1]) == pytest.approx(0.02)
     assert np.abs(high.line.u_T).max() == pytest.approx(float(high.at["u_T_max"]))
     assert np.abs(less.line.u_T).max() < np.abs(high.line.u_T).max()
 
 
 def test_a_profile_goes_along_a_line_in_pieces_by_material(tmp_path: Path) -> None:
-    """Two layers of one ν that are stretched alike: u_x = ε x, σ_x = E ε in each, σ_y = τ = 0, all of which P1 has."""
+    """Two layers of one ν that are stretched alike: u_x = ε x, σ_x = E ε in each, σ_y = τ = 0, all
+    of which P1 has."""
     study = read_study_text("""
 body: {rectangle: {width: 200 mm, height: 60 mm},
        regions: {coat: {rectangle: {corner: [0 mm, 0 mm], width: 200 mm, height: 20 mm}}}}

@@ -1,4 +1,5 @@
-"""The picture of a scene before any work: everything has its label, no label lies on another, faults are marked."""
+"""The picture of a scene before any work: everything has its label, no label lies on another,
+faults are marked."""
 
 import re
 from itertools import combinations
@@ -39,7 +40,10 @@ def test_values_are_said_where_they_act() -> None:
     assert "q =" not in " ".join(text.get_text() for text in figure.texts)
     swept = {"friction": {"law": "tresca"}, "sweep": {"tau": [1e6, 2e6]}, "path": None}
     legend = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["tresca τ = 1 MPa", "tresca τ = 2 MPa"]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "tresca τ = 1 MPa",
+        "tresca τ = 2 MPa",
+    ]
 
 
 CROSSED = """
@@ -58,13 +62,20 @@ mesh: {maxh: 20 mm}
     [
         (CROSSED, "cross or touch", ["line 3: edge 1", "did you mean"]),
         (
-            CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace("left: clampd", "lfet: clamped"),
+            CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace(
+                "left: clampd", "lfet: clamped"
+            ),
             "no edge 'lfet'; did you mean 'left'",
-            ["line 5: boundary.lfet: the body has", "line 5: the body has"],  # above, and at the edge that may be meant
+            [
+                "line 5: boundary.lfet: the body has",
+                "line 5: the body has",
+            ],  # above, and at the edge that may be meant
         ),
     ],
 )
-def test_edges_with_faults_are_marked(tmp_path: Path, text: str, message: str, marks: list[str]) -> None:
+def test_edges_with_faults_are_marked(
+    tmp_path: Path, text: str, message: str, marks: list[str]
+) -> None:
     file, target = tmp_path / "faulty.yaml", tmp_path / "faulty.svg"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(StudyError, match=message):

@@ -1,5 +1,5 @@
-"""A headless Chromium for tests, driven through chromedriver's HTTP interface (WebDriver), with nothing to install; and
-a page's data as it unpacks them."""
+"""A headless Chromium for tests, driven through chromedriver's HTTP interface (WebDriver), with
+nothing to install; and a page's data as it unpacks them."""
 
 import base64
 import gzip
@@ -26,18 +26,31 @@ PATIENCE = 60.0
 def missing() -> str:
     """Why there is no browser; empty if there is one."""
     absent = [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
-    return f"needs {' and '.join(absent)} (Debian: apt-get install chromium chromium-driver)" if absent else ""
+    return (
+        f"needs {' and '.join(absent)} (Debian: apt-get install chromium chromium-driver)"
+        if absent
+        else ""
+    )
 
 
 class Browser:
     def __init__(self, profile: Path, width: int = 1280, height: int = 1000) -> None:
         command = ["chromedriver", "--port=0"]
-        self._driver = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        port = next(found[1] for line in self._driver.stdout if (found := re.search(r"on port (\d+)\.$", line)))
+        self._driver = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        port = next(
+            found[1]
+            for line in self._driver.stdout
+            if (found := re.search(r"on port (\d+)\.$", line))
+        )
         self._root = f"http://127.0.0.1:{port}"
         arguments = [f"--{flag}" for flag in FLAGS]
         arguments += [f"--user-data-dir={profile}", f"--window-size={width},{height}"]
-        chrome = {"goog:chromeOptions": {"args": arguments}, "goog:loggingPrefs": {"browser": "ALL"}}
+        chrome = {
+            "goog:chromeOptions": {"args": arguments},
+            "goog:loggingPrefs": {"browser": "ALL"},
+        }
         try:
             made = self._call("POST", "/session", {"capabilities": {"alwaysMatch": chrome}})
         except BaseException:
@@ -53,7 +66,9 @@ class Browser:
         end = time.monotonic() + PATIENCE
         while not self.run("return document.documentElement.dataset.ready === '1'"):
             if time.monotonic() > end:
-                raise TimeoutError(f"{page.name} was not drawn: {self.run('return document.body.innerText')}")
+                raise TimeoutError(
+                    f"{page.name} was not drawn: {self.run('return document.body.innerText')}"
+                )
             time.sleep(0.05)
 
     def run(self, script: str, *arguments: Any) -> Any:
@@ -72,8 +87,14 @@ class Browser:
 
     def picture(self, target: Path, clip: tuple[float, float, float, float] | None = None) -> None:
         """A PNG of the window, or of (x, y, width, height) of the page."""
-        area = {} if clip is None else {"clip": dict(zip(("x", "y", "width", "height"), clip, strict=True), scale=1)}
-        shot = self.command("Page.captureScreenshot", format="png", captureBeyondViewport=True, **area)
+        area = (
+            {}
+            if clip is None
+            else {"clip": dict(zip(("x", "y", "width", "height"), clip, strict=True), scale=1)}
+        )
+        shot = self.command(
+            "Page.captureScreenshot", format="png", captureBeyondViewport=True, **area
+        )
         target.write_bytes(base64.b64decode(shot["data"]))
 
     def complaints(self) -> list[str]:
@@ -90,7 +111,9 @@ class Browser:
 
     def _call(self, method: str, path: str, body: Any) -> Any:
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(self._root + path, data, {"Content-Type": "application/json"}, method=method)
+        request = urllib.request.Request(
+            self._root + path, data, {"Content-Type": "application/json"}, method=method
+        )
         try:
             with urllib.request.urlopen(request, timeout=2 * PATIENCE) as answer:
                 return json.load(answer)["value"]

@@ -1,5 +1,5 @@
-"""Pages in a real browser: they draw without complaint, obey mouse and keys, keep their state in the address; and where
-ω < λ₁ the live mode gives the answers of tcstudy."""
+"""Pages in a real browser: they draw without complaint, obey mouse and keys, keep their state in
+the address; and where ω < λ₁ the live mode gives the answers of tcstudy."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -48,7 +48,8 @@ def saved(browser: Browser, button: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "words",  # of studies that have parts of their own, and what is changed so that they take a second or two
+    # of studies that have parts of their own, and what is changed so that they take a second or two
+    "words",
     ["coated_block mesh.levels=1", "cyclic_pull", "isola", "ring mesh.levels=1", "spring_rail", "two_films",
      "welded_rail mesh.maxh=344mm"],
 )  # fmt: skip
@@ -58,7 +59,9 @@ def test_the_page_of_a_shipped_study_is_drawn(words: str, browser: Browser, tmp_
     assert main(["run", str(CONFIGS / f"{name}.yaml"), *changes, "-q", f"--output={file}"]) == 0
     page = shown(browser, file)
     assert page.run("return document.querySelectorAll('#main svg path').length") > 4
-    assert page.run("return [...document.querySelectorAll('#main > div')].every((part) => part.innerText.length)")
+    assert page.run(
+        "return [...document.querySelectorAll('#main > div')].every((part) => part.innerText.length)"
+    )
     assert page.complaints() == []
 
 
@@ -71,7 +74,11 @@ def test_a_run_obeys_clicks_keys_and_its_address(browser: Browser, stored: Store
     page.run("document.querySelector('#sweep svg[tabindex]').focus()")
     for key in ("ArrowRight", "ArrowRight", "[", "c"):
         page.press(key)
-    assert {key: fragment(page)[key] for key in ("at", "level", "vs")} == {"at": "2,1", "level": "0", "vs": "2,1"}
+    assert {key: fragment(page)[key] for key in ("at", "level", "vs")} == {
+        "at": "2,1",
+        "level": "0",
+        "vs": "2,1",
+    }
     html = stored("block").with_suffix(".html")
     page.open(html, "#q=slip_length&at=2,1&vs=0,0&level=0&theme=dark")
     assert "slip length" in text_of(page, "#sweep h3")
@@ -103,7 +110,9 @@ def test_sliders_solve_again(browser: Browser, stored: Stored) -> None:
     before = page.run("return Math.max(...TC.live.answer.v)")
     pulled = page.run(move, "loads ×", 400)
     assert pulled > before
-    page.run("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")  # the address
+    page.run(
+        "return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    )  # the address
     assert fragment(page)["set"] == "3,1,1"
     assert page.run(move, "friction ×", 400) < pulled
     page.open(stored("block").with_suffix(".html"), "#mode=live&at=0,1&set=1,1,0.125")
@@ -146,7 +155,10 @@ mesh: {maxh: 2, levels: 4}
 def test_files_of_converge_and_cost(browser: Browser, tmp_path: Path) -> None:
     study = tmp_path / "strip.yaml"
     study.write_text(SMALL, encoding="utf-8")
-    files = {word: tmp_path / f"strip{end}.nc" for word, end in (("run", ""), ("converge", ".convergence"))}
+    files = {
+        word: tmp_path / f"strip{end}.nc"
+        for word, end in (("run", ""), ("converge", ".convergence"))
+    }
     for command, file in files.items():
         assert main([command, str(study), "--output", str(file)]) == 0
     files["cost"] = tmp_path / "strip.cost.nc"
@@ -165,7 +177,10 @@ def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, stored: Sto
         .map((h) => [h.textContent.split(' ')[3], h.parentElement.querySelectorAll('[fill-opacity]').length])""")
     x = np.array(page.run("return Array.from(Object.values(TC.data.lines)[0].x)"))
     own = {"film": (x < 1 - 1e-9) & (x > 0.25 + 1e-9), "shoe": x > 1 + 1e-9}
-    assert (dict(drawn), page.complaints()) == ({edge: np.count_nonzero(nodes) for edge, nodes in own.items()}, [])
+    assert (dict(drawn), page.complaints()) == (
+        {edge: np.count_nonzero(nodes) for edge, nodes in own.items()},
+        [],
+    )
 
 
 def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored: Stored) -> None:
@@ -177,12 +192,16 @@ def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored:
     assert fragment(page)["at"] == "1,0"
     _, head, *rows = saved(page, "#steps [aria-label='csv']")
     assert (head[:27], len(rows)) == ("step,cycle,step_name,theta,", 17)
-    page.open(stored("history").with_suffix(".html"), "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark")
+    page.open(
+        stored("history").with_suffix(".html"), "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark"
+    )
     assert "\ndissipated over step\n" in text_of(page, "#steps")
     assert page.complaints() == []
 
 
-def test_a_geometry_is_chosen_and_its_body_and_line_are_drawn(browser: Browser, stored: Stored) -> None:
+def test_a_geometry_is_chosen_and_its_body_and_line_are_drawn(
+    browser: Browser, stored: Stored
+) -> None:
     page = shown(browser, stored("pads"), "#at=0,0&x=height&y=u_x")
     high = "return TC.point.panel.frame.high"
     before = page.run(high)
@@ -198,27 +217,38 @@ def test_a_fit_shows_its_data_numbers_and_law(browser: Browser, stored: Stored) 
     assert fragment(page)["step"] == "5"
     assert page.run("return document.querySelectorAll('#fit svg .mark').length") >= 120
     _, head, *rows = saved(page, "#table [aria-label=csv]")
-    assert head == "datum,boundary.grip.u_x [m],value [N m-1],predicted [N m-1],noise [N m-1],residual"
+    assert (
+        head == "datum,boundary.grip.u_x [m],value [N m-1],predicted [N m-1],noise [N m-1],residual"
+    )
     assert (len(rows), page.complaints()) == (60, [])
 
 
 @pytest.mark.parametrize(("width", "media"), [(390, ""), (1280, ""), (720, "print")])
-def test_nothing_sticks_out_of_screen_or_paper(browser: Browser, stored: Stored, width: int, media: str) -> None:
+def test_nothing_sticks_out_of_screen_or_paper(
+    browser: Browser, stored: Stored, width: int, media: str
+) -> None:
     browser.command("Emulation.setEmulatedMedia", media=media)
     try:
         for name in ("block", "history", "pads", "fit"):
             page = stored(name).with_suffix(".html")
             browser.size(width, 900, phone=width < 500)
-            browser.open(page if page.exists() else write_page(stored(name), page).path, "#theme=dark" if media else "")
+            browser.open(
+                page if page.exists() else write_page(stored(name), page).path,
+                "#theme=dark" if media else "",
+            )
             assert browser.run("return document.documentElement.scrollWidth") <= width, name
         if media:
-            assert browser.run("return getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+            assert (
+                browser.run("return getComputedStyle(document.body).backgroundColor")
+                == "rgb(255, 255, 255)"
+            )
     finally:
         browser.command("Emulation.setEmulatedMedia", media="")
     assert browser.complaints() == []
 
 
-# -- the live mode -----------------------------------------------------------------------------------------------------
+# -- the live mode
+# -----------------------------------------------------------------------------------------------------
 
 PLATE = """
 title: A plate in sloping surroundings
@@ -252,14 +282,18 @@ def scaled(law: Laws, f: float, g: float) -> Laws:
     """The law f b(s / g), made anew from its parameters."""
     shape, by = SHAPES[law.made.shape], {TRACTION: f, STIFFNESS: f / g, LENGTH: g}
     factors = {one.name: by.get(one.dimension, 1.0) for one in shape.parameters}
-    values = {name: v * factors[name] if isinstance(v, float) else v for name, v in law.made.values.items()}
+    values = {
+        name: v * factors[name] if isinstance(v, float) else v
+        for name, v in law.made.values.items()
+    }
     if "points" in values:
         values["points"] = [(s * g, b * f) for s, b in values["points"]]
     return shape.build(**values)
 
 
 def settings(study: Study, level: Level) -> Iterator[tuple[int, dict[str, float], ContactProblem]]:
-    """Random places of all sliders; the problem is made by the study's own code, not from what the page holds."""
+    """Random places of all sliders; the problem is made by the study's own code, not from what the
+    page holds."""
     random = np.random.default_rng(11)
     for _ in range(SETTINGS):
         point, load = int(random.integers(len(study.scenes))), float(random.uniform(-1.0, 2.0))

@@ -1,4 +1,5 @@
-"""What stands in a page, how large it is, and what is refused; numbers come out of it as they went in."""
+"""What stands in a page, how large it is, and what is refused; numbers come out of it as they went
+in."""
 
 import re
 from dataclasses import replace
@@ -52,7 +53,11 @@ def test_a_page_needs_nothing_from_outside_and_has_the_numbers_of_every_point_an
     np.testing.assert_array_equal(found["run"]["numbers"]["energy"]["v"], energy.reshape(6, 2))
     assert found["run"]["shape"] == [3, 2]
     assert [axis["name"] for axis in found["run"]["axes"]] == ["theta_bar", "friction"]
-    line, u, sticks = found["lines"]["1"], level["u_T"].values.reshape(6, -1), level["sticks"].values.reshape(6, -1)
+    line, u, sticks = (
+        found["lines"]["1"],
+        level["u_T"].values.reshape(6, -1),
+        level["sticks"].values.reshape(6, -1),
+    )
     check_slip(line, u)
     # the page draws what the law says of every node; it has no rule of its own
     assert found["states"] == list(STATES)
@@ -76,9 +81,14 @@ def test_of_too_many_points_some_are_kept_and_it_is_said(
     found = data_of(write_page(stored("block"), tmp_path / "few.html").path)
     assert found["run"]["shape"] == [2, 2]
     with xr.open_datatree(stored("block")) as tree:
-        np.testing.assert_array_equal(found["run"]["numbers"]["energy"]["v"], tree["energy"].values[::2].reshape(4, 2))
+        np.testing.assert_array_equal(
+            found["run"]["numbers"]["energy"]["v"], tree["energy"].values[::2].reshape(4, 2)
+        )
         check_slip(found["lines"]["1"], tree["level_1"]["u_T"].values[::2].reshape(4, -1))
-    assert [found["laws"]["laws"][i]["name"] for (i,) in found["laws"]["index"]] == ["tresca", "slip-weakening"] * 2
+    assert [found["laws"]["laws"][i]["name"] for (i,) in found["laws"]["index"]] == [
+        "tresca",
+        "slip-weakening",
+    ] * 2
     assert "shown are 4 of the 6 points" in found["verdict"]["how"]
     monkeypatch.setattr("tcstudy.reports.page.run.MOST_SCENES", 5)
     bare = data_of(write_page(stored("block"), tmp_path / "bare.html").path)
@@ -87,7 +97,10 @@ def test_of_too_many_points_some_are_kept_and_it_is_said(
 
 
 def test_what_is_too_large_is_left_out_in_order_and_said_and_then_refused(
-    stored: Stored, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    stored: Stored,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     full = write_page(stored("block"), tmp_path / "page.html")
     monkeypatch.setattr(write, "AIM", full.size - 1)
@@ -120,7 +133,9 @@ def test_a_history_has_its_steps_and_a_sweep_of_totals(stored: Stored) -> None:
     found, data = data_of(write_page(own.path, own.path.with_suffix(".html")).path), own.data
     u = by_point(data["u_T"], data)
     total = data["dissipated"].sum("step").values.ravel()
-    np.testing.assert_allclose(found["run"]["numbers"]["dissipated"]["v"], total[:, None], rtol=1e-12)
+    np.testing.assert_allclose(
+        found["run"]["numbers"]["dissipated"]["v"], total[:, None], rtol=1e-12
+    )
     for p, steps in enumerate(found["steps"]):
         (sheet,) = steps["table"]
         spent = next(one["v"] for one in sheet["columns"] if one["name"] == "dissipated")
@@ -131,11 +146,16 @@ def test_a_history_has_its_steps_and_a_sweep_of_totals(stored: Stored) -> None:
         assert np.all(line["state"][1:][moved > 1e-8 * largest] == 1)
         assert np.all(line["state"][1:][moved < -1e-8 * largest] == 2)
         assert np.all(line["state"][1:][np.abs(moved) < 1e-10 * largest] == 0)
-    assert found["verdict"]["text"].endswith("6 of 6 histories of 16 steps in 2 cycles followed to their end.")
-    # of a thousand steps 200 nodes whose slips are noise, which no compression makes smaller, fit in two megabytes
+    assert found["verdict"]["text"].endswith(
+        "6 of 6 histories of 16 steps in 2 cycles followed to their end."
+    )
+    # of a thousand steps 200 nodes whose slips are noise, which no compression makes smaller, fit
+    # in two megabytes
     one = data.isel(tau=0, E=0).isel(step=np.arange(1000) % 17, node=np.arange(200) % 16)
     noise = np.random.default_rng(3).normal(size=(1000, 200))
-    long = one.assign({name: (one[name].dims, noise, one[name].attrs) for name in ("u_T", "xi", "kappa")})
+    long = one.assign(
+        {name: (one[name].dims, noise, one[name].attrs) for name in ("u_T", "xi", "kappa")}
+    )
     text = write._fitting(replace(own, data=long.drop_vars(["tau", "E"])), without := [])
     assert len(text) <= 2_000_000
     assert set(without) <= {"memory"}
@@ -153,18 +173,23 @@ def test_every_geometry_has_its_own_line_and_body(stored: Stored) -> None:
         assert own["body"]["y"].max() == pytest.approx(height, rel=1e-6)
         largest = np.abs(values_of(own["lines"]["1"]["u_T"])).max(axis=1)
         place = [q for q, other in enumerate(found["run"]["home"]) if other == home].index(p)
-        assert largest[place] == pytest.approx(found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4)
+        assert largest[place] == pytest.approx(
+            found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4
+        )
 
 
 def test_one_law_for_all_edges_may_stand_beside_a_law_of_each(tmp_path: Path) -> None:
     """Each point has a law of every edge, in one order, and its own strengths along the line."""
-    split = "{shoe: {law: tresca, tau: 1}, film: {law: tresca, tau: 2, strength: 'min(1, 0.5 + x)'}}"
+    split = (
+        "{shoe: {law: tresca, tau: 1}, film: {law: tresca, tau: 2, strength: 'min(1, 0.5 + x)'}}"
+    )
     text = FILMS + f"sweep: {{friction: {{whole: {{law: tresca, tau: 2}}, split: {split}}}}}\n"
     tcstudy.run(read_study_text(text), tmp_path / "films.nc", jobs=1)
     found = data_of(write_page(tmp_path / "films.nc", tmp_path / "films.html").path)
     laws, edges = found["laws"]["laws"], found["laws"]["edges"]
     largest = [
-        {edge: max(laws[k]["pieces"]["b0"]) for edge, k in zip(edges, of, strict=True)} for of in found["laws"]["index"]
+        {edge: max(laws[k]["pieces"]["b0"]) for edge, k in zip(edges, of, strict=True)}
+        for of in found["laws"]["index"]
     ]
     assert largest == [{"film": 2.0, "shoe": 2.0}, {"film": 2.0, "shoe": 1.0}]
     line = found["lines"]["0"]
@@ -175,7 +200,8 @@ def test_one_law_for_all_edges_may_stand_beside_a_law_of_each(tmp_path: Path) ->
 
 
 def test_numbers_come_back() -> None:
-    """Arrays as they are, rows to four digits of their largest value, fields of many points by few modes."""
+    """Arrays as they are, rows to four digits of their largest value, fields of many points by few
+    modes."""
     random, box = np.random.default_rng(1), Container()
     values = random.normal(size=(5, 40)) * 10.0 ** np.arange(-8, 12, 4)[:, None]
     values[2, 3], values[4] = np.nan, 0.0
@@ -201,6 +227,11 @@ def test_its_pieces_are_the_law() -> None:
         s = np.linspace(-3.0, 3.0, 61) * (law.s_scale or 1.0) + 1e-9 * (law.s_scale or 1.0)
         k = np.searchsorted(found["kinks"], s)
         s_0, b_0, q, a, r = (np.array(found[name])[k] for name in ("s0", "b0", "q", "a", "r"))
-        np.testing.assert_allclose(b_0 + q * (s - s_0) + a * np.exp(-r * (s - s_0)), law.b(s), rtol=1e-12)
-    for name, parameters in (("tresca", {"tau": 4e7}), ("linear", {"k": 5e9})):  # without a length of their own
+        np.testing.assert_allclose(
+            b_0 + q * (s - s_0) + a * np.exp(-r * (s - s_0)), law.b(s), rtol=1e-12
+        )
+    for name, parameters in (
+        ("tresca", {"tau": 4e7}),
+        ("linear", {"k": 5e9}),
+    ):  # without a length of their own
         assert drawn_law(SHAPES[name].build(**parameters))["reach"] == 0.0

@@ -29,23 +29,45 @@ NAN = float("nan")
 
 
 def series(name, order, verdict="as_expected"):
-    parts = {"error": 0.3 * H**order, "size_squared": 4.0, "rate": np.array([NAN, order, order, order]), "slope": order}
-    parts |= {"slope_error": 0.01, "first_level": 0, "verdict": VERDICTS.index(verdict), "expected": order}
+    parts = {
+        "error": 0.3 * H**order,
+        "size_squared": 4.0,
+        "rate": np.array([NAN, order, order, order]),
+        "slope": order,
+    }
+    parts |= {
+        "slope_error": 0.01,
+        "first_level": 0,
+        "verdict": VERDICTS.index(verdict),
+        "expected": order,
+    }
     return {f"{part}_{name}": value for part, value in (parts | {"reason": "smooth"}).items()}
 
 
 def numbers(status):
     parts = {"value": 5 + H, "limit": 5.0, "uncertainty": 0.01, "limit_order": 1.0, "exact": NAN}
-    return {"status": np.array(status), **{f"{part}_energy": value for part, value in parts.items()}}
+    return {
+        "status": np.array(status),
+        **{f"{part}_energy": value for part, value in parts.items()},
+    }
 
 
 def point(status):
-    errors = series("u_H1", 1.0) | series("u_L2", 2.0, "slower") | series("xi_max", 0.5, "pre_asymptotic")
+    errors = (
+        series("u_H1", 1.0)
+        | series("u_L2", 2.0, "slower")
+        | series("xi_max", 0.5, "pre_asymptotic")
+    )
     return numbers(status) | errors
 
 
 def write(path, points, reference="none", notes=(), counts=np.zeros(4, np.int32)):  # noqa: B008
-    meshes = {"h_max": H, "n_dof": 10 * counts, "n_contact": counts, "compared": np.ones(4, dtype=bool)}
+    meshes = {
+        "h_max": H,
+        "n_dof": 10 * counts,
+        "n_contact": counts,
+        "compared": np.ones(4, dtype=bool),
+    }
     record = convergence_record(STUDY, [meshes | one for one in points], reference, notes)
     write_record(path, STUDY, record, collect(STUDY, ["tcstudy"]))
 
@@ -56,7 +78,13 @@ OK, FAILED = PointStatus.OK, PointStatus.INCLUSION_VIOLATED
 @pytest.fixture
 def file(tmp_path):
     points = [point((OK,) * 4), point((OK, FAILED, OK, OK))]
-    write(tmp_path / "a.nc", points, "level 9, the finest (more)", ["Mind it."], np.arange(4, dtype=np.int32))
+    write(
+        tmp_path / "a.nc",
+        points,
+        "level 9, the finest (more)",
+        ["Mind it."],
+        np.arange(4, dtype=np.int32),
+    )
     return tmp_path / "a.nc"
 
 
@@ -66,7 +94,9 @@ def test_the_tables(file):
                   "5.000 ± 0.01", "Note: Mind it.", "tau = 1 MPa"):  # fmt: skip
         assert words in text
     assert text.count("(1.500e-01)") == 1  # did not converge
-    assert _uncertain(-4.2e-17, 0.083) == "0 ± 0.083"  # no minus before a zero, no digits of rounding
+    assert (
+        _uncertain(-4.2e-17, 0.083) == "0 ± 0.083"
+    )  # no minus before a zero, no digits of rounding
 
 
 def test_the_plot(file, tmp_path, monkeypatch):

@@ -27,8 +27,11 @@ ERROR = np.array([0.08, 0.04, 0.02, 0.01])
 
 
 def made(**more: object) -> Record:
-    """Known curves: uniform e ~ t^−½ from 0.08 at 0.1 s, graded e ~ t^−1 from 0.16; the second solver takes twice."""
-    error = np.broadcast_to(np.stack([ERROR, 2 * ERROR * [1, 0.5, 0.25, 0.125]])[:, None], (2, 2, 4)).copy()
+    """Known curves: uniform e ~ t^−½ from 0.08 at 0.1 s, graded e ~ t^−1 from 0.16; the second
+    solver takes twice."""
+    error = np.broadcast_to(
+        np.stack([ERROR, 2 * ERROR * [1, 0.5, 0.25, 0.125]])[:, None], (2, 2, 4)
+    ).copy()
     fastest = np.array([0.1, 0.4, 1.6, 6.4]) * np.array([1.0, 2.0])[:, None] * np.ones((2, 1, 1))
     status = np.full((2, 2, 4), int(PointStatus.OK), dtype=np.int8)
     reason = np.full((2, 2, 4), "", dtype=object)
@@ -43,10 +46,23 @@ def made(**more: object) -> Record:
         "time": fastest[..., None] * np.array([1.3, 1.0, 1.1]),
         "error_u_energy": error,
         "error_xi_L2": 2 * error,
-        **{f"dominated_{name}": dominated(known.ravel(), error.ravel()).reshape(error.shape) for name in MEASURED},
+        **{
+            f"dominated_{name}": dominated(known.ravel(), error.ravel()).reshape(error.shape)
+            for name in MEASURED
+        },
     }
-    told = {"reference": "the exact solution", "reference_error": 0.0, "point": "tau = 0.01", "notes": "Look twice."}
-    told |= {"own_family": FAMILIES[0], "own_solver": SOLVERS[0], "own_level": np.int32(3), "runs": np.int32(3)}
+    told = {
+        "reference": "the exact solution",
+        "reference_error": 0.0,
+        "point": "tau = 0.01",
+        "notes": "Look twice.",
+    }
+    told |= {
+        "own_family": FAMILIES[0],
+        "own_solver": SOLVERS[0],
+        "own_level": np.int32(3),
+        "runs": np.int32(3),
+    }
     return Record("cost", COST_TABLE, {**fields, **more}, told)
 
 
@@ -72,33 +88,53 @@ def test_settings_and_front(file: Path) -> None:
     assert [(s.family, s.level) for s in front(found)] == [
         ("uniform", 0), ("uniform", 1), ("graded", 1), ("graded", 2), ("graded", 3)
     ]  # fmt: skip
-    assert {(s.family, s.solver) for s in front(found)} == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
+    assert {(s.family, s.solver) for s in front(found)} == {
+        ("uniform", SOLVERS[0]),
+        ("graded", SOLVERS[0]),
+    }
     text = text_of(file)
     assert text.count("Wall time from the body") == 1
-    assert all(words in text for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "6.4†", "1.6*"))
+    assert all(
+        words in text
+        for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "6.4†", "1.6*")
+    )
     assert "(2.000e-02)" not in text  # the first solver was solved there
 
 
 def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
     text = " ".join(advice(settings(load_root(file, "cost"), "u_energy")))
-    assert "Fastest: uniform meshes with separable-newton for errors from 8 % to 4 %; graded meshes with" in text
-    assert "The study's own settings (uniform, level 3, separable-newton): error 1 % in 6.4 s." in text
+    assert (
+        "Fastest: uniform meshes with separable-newton for errors from 8 % to 4 %; graded meshes with"
+        in text
+    )
+    assert (
+        "The study's own settings (uniform, level 3, separable-newton): error 1 % in 6.4 s." in text
+    )
     assert "No other setting measured" in text  # graded level 3 takes the same time
     write(file, time=made().values["time"] * np.array([1.0, 0.5])[:, None, None, None])
     text = " ".join(advice(settings(load_root(file, "cost"), "u_energy")))
-    assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
+    assert (
+        "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time"
+        in text
+    )
 
 
 def test_the_page_says_of_every_error_what_is_measured_of_it(file: Path) -> None:
     [chosen] = cost_sections(read(file), Container())[0]["parts"]
-    told = {name: str(parts) for name, parts in zip(chosen["options"], chosen["parts"], strict=True)}
+    told = {
+        name: str(parts) for name, parts in zip(chosen["options"], chosen["parts"], strict=True)
+    }
     assert "from 8 % to 4 %" in told["u in energy"]
     assert "from 16 % to 8 %" in told["ξ in L²(Γ_C)"]
-    assert ("1.000e-02" in told["u in energy"], "1.000e-02" in told["ξ in L²(Γ_C)"]) == (True, False)
+    assert ("1.000e-02" in told["u in energy"], "1.000e-02" in told["ξ in L²(Γ_C)"]) == (
+        True,
+        False,
+    )
 
 
 def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
-    """Its errors differ by rounding, which decides nothing; nor is either of its timings better than the other."""
+    """Its errors differ by rounding, which decides nothing; nor is either of its timings better
+    than the other."""
     error = np.array([0.08, 0.08 * (1 - 1e-12), 0.04])
     assert dominated(np.array([0.10, 0.11, 0.4]), error).tolist() == [False, True, False]
     error, time = made().values["error_u_energy"].copy(), made().values["time"].copy()
@@ -112,6 +148,8 @@ def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
 def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     write(file, **{f"error_{name}": 1e-13 * made().values[f"error_{name}"] for name in MEASURED})
     (told,) = advice(settings(load_root(file, "cost"), "u_energy"))
-    assert told.startswith("All errors are rounding (at most 1.6e-14): every mesh represents this solution exactly")
+    assert told.startswith(
+        "All errors are rounding (at most 1.6e-14): every mesh represents this solution exactly"
+    )
     assert "Fastest: uniform, level 0, separable-newton in 0.1 s" in told
     picture(file, file.with_name("a.svg"))

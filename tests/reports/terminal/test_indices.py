@@ -1,4 +1,5 @@
-"""Indices of runs: exact ones of a linear scene, sides of a jump told apart, files without a design refused."""
+"""Indices of runs: exact ones of a linear scene, sides of a jump told apart, files without a design
+refused."""
 
 import json
 from pathlib import Path
@@ -47,14 +48,26 @@ def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path)
     for estimate in found.estimates.values():
         assert np.all((estimate[1] <= exact) & (exact <= estimate[2]))
         np.testing.assert_allclose(estimate[0], exact, atol=0.05)
-    for word, remedy in (("work", "choose of"), ("friction_resutlant", "did you mean 'friction_resultant'")):
+    for word, remedy in (
+        ("work", "choose of"),
+        ("friction_resutlant", "did you mean 'friction_resultant'"),
+    ):
         with pytest.raises(UsageError, match=f"no number '{word}' at its points; {remedy}"):
             indices(file, word)
 
 
 def test_the_example(tmp_path: Path) -> None:
-    """On a coarse mesh: what its guide says of it holds, the strength decides whether the pad holds."""
-    words = ("--set", "mesh.maxh=10 mm", "--set", "sweep.points=32", "--output", tmp_path / "pad.nc", "-q")
+    """On a coarse mesh: what its guide says of it holds, the strength decides whether the pad
+    holds."""
+    words = (
+        "--set",
+        "mesh.maxh=10 mm",
+        "--set",
+        "sweep.points=32",
+        "--output",
+        tmp_path / "pad.nc",
+        "-q",
+    )
     ran = tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words)
     assert "160 of 160 solved" in ran.stdout, ran.stderr
     words = ("show", tmp_path / "pad.nc", "--of", "friction_resultant")
@@ -66,9 +79,13 @@ def test_the_example(tmp_path: Path) -> None:
 
 
 def test_points_that_were_there_have_first_orders_of_numbers_and_choices(tmp_path: Path) -> None:
-    """∫ξ is linear in a and in the law's elastic stiffness chosen by name nothing: the body sticks."""
+    """∫ξ is linear in a and in the law's elastic stiffness chosen by name nothing: the body
+    sticks."""
     drawn = "a: {uniform: [0, 1]}, friction: {one: {law: tresca, tau: 1000}, two: {law: tresca, tau: 2000}}"
-    file = finished(tmp_path, LINEAR.split("sweep:")[0] + f"sweep: {{mode: latin-hypercube, points: 256, {drawn}}}\n")
+    file = finished(
+        tmp_path,
+        LINEAR.split("sweep:")[0] + f"sweep: {{mode: latin-hypercube, points: 256, {drawn}}}\n",
+    )
     found = indices(file, "friction_resultant")
     assert found.said[0].startswith("256 points, 95% confidence by resampling them; totals need")
     np.testing.assert_allclose(found.estimates["first order"][0], [1.0, 0.0], atol=0.02)
@@ -78,18 +95,25 @@ def test_points_that_were_there_have_first_orders_of_numbers_and_choices(tmp_pat
 def test_points_without_a_design_have_no_indices(stored: Stored) -> None:
     said = tcstudy_command("show", stored("block"), "--of", "slip_length")
     assert said.returncode == 2
-    assert "no design for indices; run its study with sweep: {mode: saltelli, points: 256" in said.stderr
+    assert (
+        "no design for indices; run its study with sweep: {mode: saltelli, points: 256"
+        in said.stderr
+    )
 
 
-# -- the estimators ------------------------------------------------------------------------------------
+# -- the estimators
+# ------------------------------------------------------------------------------------
 
 N = 1024
 
 
 def ishigami(u: np.ndarray) -> np.ndarray:
-    """sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁, x_i uniform in (−π, π) (Ishigami & Homma, ISUMA 1990)."""
+    """sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁, x_i uniform in (−π, π) (Ishigami & Homma, ISUMA
+    1990)."""
     x = np.pi * (2.0 * u - 1.0)
-    return np.sin(x[..., 0]) + 7.0 * np.sin(x[..., 1]) ** 2 + 0.1 * x[..., 2] ** 4 * np.sin(x[..., 0])
+    return (
+        np.sin(x[..., 0]) + 7.0 * np.sin(x[..., 1]) ** 2 + 0.1 * x[..., 2] ** 4 * np.sin(x[..., 0])
+    )
 
 
 V1, V2, V13 = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 49 / 8, 0.01 * np.pi**8 * (1 / 18 - 1 / 50)
@@ -111,12 +135,16 @@ def test_a_choice_has_the_share_of_the_means_of_its_values() -> None:
     rng = np.random.default_rng(2)
     c, x = rng.integers(0, 3, 5000), rng.random(5000)
     exact = np.array([14 / 9, 1 / 12]) / (14 / 9 + 1 / 12)
-    found = correlation_ratios(np.stack([c, x], axis=1), np.array([0.0, 3.0, 1.0])[c] + x, (True, False))
+    found = correlation_ratios(
+        np.stack([c, x], axis=1), np.array([0.0, 3.0, 1.0])[c] + x, (True, False)
+    )
     np.testing.assert_allclose(found[0], exact, atol=0.01)
 
 
 def test_what_does_not_vary_has_no_indices_but_zero() -> None:
-    assert not any(np.any(one[0]) for one in sobol(1.0 + 1e-14 * np.random.default_rng(0).random((64, 5))))
+    assert not any(
+        np.any(one[0]) for one in sobol(1.0 + 1e-14 * np.random.default_rng(0).random((64, 5)))
+    )
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e6])

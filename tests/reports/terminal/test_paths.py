@@ -17,7 +17,8 @@ def test_small_turns_of_an_old_file_are_no_folds() -> None:
 
 
 def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
-    """2 and 4 kPa on cells of 0.5 and 1.5 m: 7 kN a metre, 3.5 kPa in the mean; outside the range nothing counts."""
+    """2 and 4 kPa on cells of 0.5 and 1.5 m: 7 kN a metre, 3.5 kPa in the mean; outside the range
+    nothing counts."""
     data = xr.Dataset(
         {
             "parameter": ("vertex", [0.0, 1e-3, 2e-3], {"units": "m"}),
@@ -49,4 +50,6 @@ def test_energy_that_finite_steps_miss_is_said_where_it_counts(stored: Stored) -
 
 def test_a_load_of_a_history_is_no_number_that_was_asked_for() -> None:
     names = ("force_x", "force_end_x")
-    assert asked(xr.Dataset(dict.fromkeys(names, 0.0), attrs={"loads": "force_x theta"})) == ["force_end_x"]
+    assert asked(xr.Dataset(dict.fromkeys(names, 0.0), attrs={"loads": "force_x theta"})) == [
+        "force_end_x"
+    ]

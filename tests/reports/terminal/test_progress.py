@@ -1,4 +1,5 @@
-"""What a run shows: plain lines in a pipe, one line with the time left on a terminal, finer levels for more."""
+"""What a run shows: plain lines in a pipe, one line with the time left on a terminal, finer levels
+for more."""
 
 import io
 

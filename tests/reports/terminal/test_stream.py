@@ -1,4 +1,5 @@
-"""Streams that stop no work: whatever becomes of standard output, the work goes on and the exit code is true."""
+"""Streams that stop no work: whatever becomes of standard output, the work goes on and the exit
+code is true."""
 
 import errno
 import io
@@ -13,10 +14,16 @@ from tcstudy.errors import Stream, is_lost
     [
         ("ascii", "λ₁ µ", r"\u03bb\u2081 \xb5"),
         ("cp1252", "λ ² – µ …", r"\u03bb ² – µ …"),
-        ("utf-8", "λ₁ … 漢 a\tb\x1b[31mR\x07\r\x9b\u202e", "λ₁ … 漢 a\tb\\x1b[31mR\\x07\\r\\x9b\\u202e"),
+        (
+            "utf-8",
+            "λ₁ … 漢 a\tb\x1b[31mR\x07\r\x9b\u202e",
+            "λ₁ … 漢 a\tb\\x1b[31mR\\x07\\r\\x9b\\u202e",
+        ),
     ],
 )
-def test_what_an_encoding_lacks_and_controls_are_escapes(encoding: str, text: str, shown: str) -> None:
+def test_what_an_encoding_lacks_and_controls_are_escapes(
+    encoding: str, text: str, shown: str
+) -> None:
     raw = io.BytesIO()
     out = Stream(io.TextIOWrapper(raw, encoding=encoding))
     print(text, file=out)

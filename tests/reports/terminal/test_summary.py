@@ -14,11 +14,33 @@ from tests.data.by_points import PointRecord, write
 ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
 S = np.linspace(0.0, 1.0, 3)
 LEVELS = [
-    LevelRecord(i, 0.5 / 2**i, 20, 3, S, S, 0.0 * S, 0.0 * S + 0.25, np.zeros(3, np.int8), ("film",), 0.1, 0.1)
+    LevelRecord(
+        i,
+        0.5 / 2**i,
+        20,
+        3,
+        S,
+        S,
+        0.0 * S,
+        0.0 * S + 0.25,
+        np.zeros(3, np.int8),
+        ("film",),
+        0.1,
+        0.1,
+    )
     for i in range(2)
 ]
 STUDY = Study(
-    "Plate", "title: plate\n", None, "SI", "grid", (ALPHA,), (), MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
+    "Plate",
+    "title: plate\n",
+    None,
+    "SI",
+    "grid",
+    (ALPHA,),
+    (),
+    MeshPlan((0.5,), 2),
+    SolverPlan(),
+    OutputPlan(),
 )
 
 
@@ -30,7 +52,9 @@ def point(index: int, number: int, balance: float = 1e-15) -> PointRecord:
 
 def missed(index: int, number: int, residual: str) -> PointRecord:
     reason = f"residual {residual} above the tolerance 1e-10; raise solver.tolerance"
-    return PointRecord((index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, np.empty(0), np.empty(0))
+    return PointRecord(
+        (index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, np.empty(0), np.empty(0)
+    )
 
 
 def said(folder: Path, *points: PointRecord, study: Study = STUDY) -> str:
@@ -59,15 +83,26 @@ def test_what_failed_is_marked_in_its_row(tmp_path: Path) -> None:
 
 def test_solvers_side_by_side(tmp_path: Path) -> None:
     """Only what every solver stored; where the second found more energy, it is not the least."""
-    study = replace(STUDY, solver=replace(SolverPlan(), names=("separable-newton", "bundle-newton")))
+    study = replace(
+        STUDY, solver=replace(SolverPlan(), names=("separable-newton", "bundle-newton"))
+    )
     points = []
     for i in range(3):
         energies = (-1.0, -1.0 if i else -0.5)
-        numbers = {"solver_energy": energies, "solver_residual": (1e-14, 3e-12), "solver_iterations": (4, 40 + i),
-                   "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
+        numbers = {
+            "solver_energy": energies,
+            "solver_residual": (1e-14, 3e-12),
+            "solver_iterations": (4, 40 + i),
+            "solver_time": (0.25, 1.0),
+            "solver_difference": (0.0, 0.0 if i else 0.125),
+        }
         points += [replace(point(i, n), numbers=numbers) for n in range(2)]
     points[-1] = missed(2, 1, "3e-09")
-    rows = [line.split() for line in said(tmp_path, *points, study=study).splitlines() if "-newton " in line]
+    rows = [
+        line.split()
+        for line in said(tmp_path, *points, study=study).splitlines()
+        if "-newton " in line
+    ]
     assert rows[-2:] == [
         ["separable-newton", "1e-14", "20", "1.2", "5/5", "0"],
         ["bundle-newton", "3e-12", "204", "5", "3/5", "0.12"],
@@ -75,7 +110,14 @@ def test_solvers_side_by_side(tmp_path: Path) -> None:
 
 
 def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(tmp_path: Path) -> None:
-    balances = {(0, 0): 1e-15, (0, 1): 5e-5, (1, 0): 1e-15, (1, 1): 2e-9, (2, 0): 1e-12, (2, 1): 1e-12}
+    balances = {
+        (0, 0): 1e-15,
+        (0, 1): 5e-5,
+        (1, 0): 1e-15,
+        (1, 1): 2e-9,
+        (2, 0): 1e-12,
+        (2, 1): 1e-12,
+    }
     text = said(tmp_path, *(point(i, n, balance) for (i, n), balance in balances.items()))
     line = next(line for line in text.splitlines() if "heat balance up" in line)
     assert "heat balance up to 5e-05 at 2 points" in line
@@ -84,8 +126,14 @@ def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(tmp_path:
 
 
 def test_what_rounding_limits_is_one_line(tmp_path: Path) -> None:
-    numbers = {"inclusion_residual": 7e-5, "inclusion_rounding": 1.1e-4, "inclusion_status": LIMITED}
+    numbers = {
+        "inclusion_residual": 7e-5,
+        "inclusion_rounding": 1.1e-4,
+        "inclusion_status": LIMITED,
+    }
     text = said(tmp_path, point(0, 0), replace(point(2, 1), numbers=numbers))
     [line] = [line.strip() for line in text.splitlines() if "limited by rounding" in line]
-    assert line.startswith("limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where ")
+    assert line.startswith(
+        "limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where "
+    )
     assert all(words in line for words in ("rounding alone allows 0.00011", "alpha = 3"))

@@ -11,7 +11,10 @@ TABLE = Table.of_rows(
 
 def test_text_aligns_numbers_right():
     lines = render([TABLE]).splitlines()
-    assert (lines[2], lines[4]) == ("  level  u_T in L²(Γ_C)  verdict", "      0       1.250e-02  too few")
+    assert (lines[2], lines[4]) == (
+        "  level  u_T in L²(Γ_C)  verdict",
+        "      0       1.250e-02  too few",
+    )
     assert lines[5] == "     10       (3.1e-03)  100 % & more"
 
 
@@ -20,11 +23,18 @@ def test_columns_go_by_importance_and_are_named():
     ranks = (0, 2, 1, 3)
     columns = Table.of_rows("", header, rows, ranks).columns
     whole = columns_table(columns)
-    for width, gone in ((48, []), (47, ["least"]), (30, ["least", "less"]), (5, ["least", "less", "most"])):
+    for width, gone in (
+        (48, []),
+        (47, ["least"]),
+        (30, ["least", "less"]),
+        (5, ["least", "less", "most"]),
+    ):
         with fitting(width):
             lines = columns_table(columns).splitlines()
         assert ("\n".join(lines) == whole) == (not gone)
-        assert [name for name in header if name not in lines[0].split()] == sorted(gone, key=header.index)
+        assert [name for name in header if name not in lines[0].split()] == sorted(
+            gone, key=header.index
+        )
         if gone and width > 20:
             assert f"no room for {', '.join(gone)}" in " ".join(line.strip() for line in lines[3:])
             assert max(map(len, lines)) <= width
