@@ -348,6 +348,36 @@ def _filled(text: str, width: int, indent: str) -> str:
     )
 
 
+LABELLED_WIDTH, LABEL_WIDTH = 80, 10
+"""Characters of a labelled line at most, and of the column of its label."""
+
+
+def labelled(lines: Iterable[tuple[str, str]]) -> str:
+    """Return a block of lines (label, text) with the labels in a column of their own.
+
+    An empty text is left out. A label is printed once for lines of the same label that follow each
+    other. Lines that are too long go on below their text.
+    """
+    width = min(LABELLED_WIDTH, _width.get() or LABELLED_WIDTH)
+    block, label_before = list[str](), ""
+    for label, text in lines:
+        if not text:
+            continue
+        label_shown = "" if label == label_before else label
+        first_indent = f"  {label_shown:<{LABEL_WIDTH}}"
+        next_indent = " " * len(first_indent)
+        block += textwrap.wrap(
+            text,
+            width,
+            initial_indent=first_indent,
+            subsequent_indent=next_indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        label_before = label
+    return "\n".join(block)
+
+
 def wrapped(text: str) -> str:
     """The text with its lines of words filled to the width; lines of tables stay."""
     width = _width.get()

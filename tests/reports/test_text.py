@@ -4,7 +4,15 @@ a remedy."""
 import pytest
 
 from tcstudy.data.schema import PointStatus
-from tcstudy.reports.text import failure_lines, label, prefix, scaled_labels
+from tcstudy.reports.text import (
+    failure_lines,
+    fitting,
+    label,
+    labelled,
+    prefix,
+    render,
+    scaled_labels,
+)
 
 
 def test_a_label_is_short_unless_that_makes_a_rounder_number() -> None:
@@ -62,3 +70,18 @@ def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown(
     assert "someone" not in line
     assert all(words in line for words in ("part.step", "run the study again"))
     assert "coarsen the mesh" in failure_lines([(BAD, "", "a")])[0]
+
+
+def test_labelled_lines_stand_in_two_columns_of_80_characters() -> None:
+    long = "all of it slips, " * 8
+    block = labelled(
+        [("Answer", "first"), ("Answer", long.strip()), ("Trust", ""), ("Solved", "3")]
+    )
+    first, *middle, last = block.split("\n")
+    assert (first, last) == ("  Answer    first", "  Solved    3")
+    assert len(middle) > 1
+    assert all(line[:12].isspace() and not line[12].isspace() for line in middle)
+    assert max(map(len, middle)) <= 80
+    with fitting(40):
+        narrow = render([labelled([("Answer", long)])])
+    assert max(map(len, narrow.split("\n"))) <= 40
