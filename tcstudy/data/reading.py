@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import Kind, attributes, kind_of, reading
+from tcstudy.data.files import OTHER_OUTPUT, Kind, attributes, kind_of, reading
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import SWEEP, PointStatus, line_variables
 from tcstudy.data.store import GEOMETRIES, Places, numbers, tile_shape, tiles
+from tcstudy.data.tables import history_variables, load_variables, step_record
 from tcstudy.errors import StoreError
 from tcstudy.scene.study import Axis, Study
 
@@ -260,3 +261,24 @@ def points_of(
     ]
     every = product if study.mode == "grid" else zip
     return (tuple(point[i] for i in at) for point in every(*map(of, study.axes)))
+
+
+def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
+    """The first steps of this study's history that a file of it has, whatever steps follow there.
+    Raises StoreError where the file has other loads."""
+    data, loads = load_root(path), load_variables(study)
+    both = min(len(loads[0][1]), data.sizes["step"])
+    for variable, own in loads:
+        name = variable.name
+        if variable.dtype == "f8" and not (
+            name in data and np.array_equal(data[name].values[:both], own[:both])
+        ):
+            raise StoreError(f"{path} holds a history with other steps; {OTHER_OUTPUT}")
+    known = {v.name: by_point(data[v.name], data) for v in history_variables(study)}
+    for point, step in np.argwhere(known["status"][:, :both] != PointStatus.NOT_RUN).tolist():
+        found = {
+            name: every[point, step] if every.ndim > 1 else every[point]
+            for name, every in known.items()
+        }
+        ended = known["status"][point, step] != PointStatus.OK
+        yield step_record(study, point, step, found, str(found["reason"]) if ended else "")

@@ -20,7 +20,7 @@ import os
 import sqlite3
 import time
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,12 +31,14 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import (
     PARTIAL,
+    Kind,
     program,
     remove_stale,
     special_file,
     study_sha256,
     sync_directory,
 )
+from tcstudy.data.schema import FileVariable
 from tcstudy.errors import StoreError, shortened
 from tcstudy.scene.study import Study
 
@@ -124,6 +126,21 @@ def checked(*row: Any) -> Row:
 
 GROUPS = ("numbers", "fields", "solutions")
 """Of named arrays in a record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What a command other than a sweep finds: what its file holds, which has one group.
+
+    kind:       the command;  tables: variables in the order of the file; those without a value are left out
+    values:     by name of a variable, (P, …) where it lies along the sweep; edge_names are those of `edge`
+    attributes: global ones, beside those that the study has
+    """
+
+    kind: Kind
+    tables: Sequence[FileVariable]
+    values: Mapping[str, Any]
+    attributes: Mapping[str, Any]
 
 
 def encode(record: BlockRecord | LevelRecord, body: int = 0) -> Row:

@@ -21,10 +21,12 @@ something else.)
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from itertools import product
+from itertools import chain, product
+from itertools import count as counter
 from typing import Any, Literal
 
 import numpy as np
@@ -494,13 +496,24 @@ LIVE_PREFIX = "live_"
 
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
-RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {
+OWN_POINT = "own_point"
+"""What the dimension `point` is in a group of one geometry, where it has another length."""
+RESERVED = frozenset(name for v in (*_ALL, *LIVE) for name in (v.name, *v.dims)) | {
     *_GOAL_NAMES,
     "geometry",
+    "live",
     "mesh",
     POINT,
+    OWN_POINT,
 }
-"""Names of the file that no swept parameter may take; see `tcstudy.data.store`."""
+"""Names that the file of a run has; all that no swept parameter may take: `tables.is_taken`."""
+NUMBERED = re.compile(r"(level|geometry)_[0-9]+")
+"""Names of groups, which share those of variables and dimensions."""
+REQUESTED = re.compile(
+    r"probe_\w+_(u_[xyT]|theta|sigma_(xx|yy|xy))|(reaction|force)_\w+_[xy]|work_\w+"
+    r"|theta_mean_\w+|section_force_(max|at)|layer_force_\w+|von_mises_(max|x|y)|sensitivity_\w+"
+)
+"""Names of what `output` asks for."""
 BESIDE = 500
 """Bytes that HDF5 spends on a variable beside its values, at least."""
 
@@ -695,3 +708,17 @@ def quotient(units: str, by: str) -> str:
         power = -int(word[len(letters) :] or 1)
         parts.append(letters if power == 1 else f"{letters}{power}")
     return " ".join(parts) or "1"
+
+
+def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    """An array full of missing values."""
+    return np.full(
+        shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype
+    )
+
+
+def free_name(name: str, path: Sequence[str], is_taken: Callable[[str], bool]) -> str:
+    """Return a name that is not taken: the given one, else the key path, else that with a number."""
+    joined = "_".join(path)
+    choices = chain((name, joined), (f"{joined}_{number}" for number in counter(2)))
+    return next(choice for choice in choices if not is_taken(choice))

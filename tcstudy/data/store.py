@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from pathlib import Path
@@ -32,23 +32,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import CONTENT, FINISHED, Kind, without_paths, write_dataset
-from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.files import CONTENT, FINISHED, without_paths, write_dataset
+from tcstudy.data.records import BlockRecord, LevelRecord, Record
 from tcstudy.data.schema import (
     DIFFERENCE,
     LEVEL,
+    OWN_POINT,
     POINT,
     POINT_LEVEL,
     RATE,
-    RESERVED,
     SWEEP,
     Dtype,
     FileVariable,
     PointStatus,
     T,
     line_variables,
+    missing,
 )
-from tcstudy.errors import StoreError
+from tcstudy.data.tables import axis_names
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY
 from tcstudy.scene.study import Axis, Study
@@ -59,9 +60,8 @@ if TYPE_CHECKING:
 
 
 Places = NDArray[np.intp]
-GEOMETRIES, OWN_POINT = "geometries", "own_point"
-"""Global attribute of a file of a sweep over geometries: how many it has; what the dimension
-`point` is in a group of one, where it has another length."""
+GEOMETRIES = "geometries"
+"""Global attribute of a file of a sweep over geometries: how many it has."""
 _GEOMETRY = re.compile(r"/geometry_\d+")
 _WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
 NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), _WHAT)
@@ -70,11 +70,13 @@ NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,),
 def sweep_dims(study: Study, *axes: Axis) -> tuple[str, ...]:
     """Names of the dimensions of these axes, or of the whole sweep in the order of
     `study.shape`."""
-    return tuple(
-        dict.fromkeys(
-            axis_name(axis) if study.mode == "grid" else POINT for axis in axes or study.axes
-        )
-    )
+    if not study.axes:
+        return ()
+    if study.mode == "list":
+        return (POINT,)
+    paths = [axis.path for axis in study.axes]
+    names = dict(zip(paths, axis_names(study.axes), strict=True))
+    return tuple(names[axis.path] for axis in axes or study.axes)
 
 
 def names_of(where: netCDF4.Dataset, variable: FileVariable, study: Study) -> tuple[str, ...]:
@@ -87,12 +89,6 @@ def names_of(where: netCDF4.Dataset, variable: FileVariable, study: Study) -> tu
 def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
     """Dimension names with SWEEP replaced by those of the study."""
     return tuple(name for d in dims for name in (sweep_dims(study) if d == SWEEP else (d,)))
-
-
-def axis_name(axis: Axis) -> str:
-    """Name of a swept parameter in the file: its own, or its path where a result has that name
-    ("heat_omega")."""
-    return "_".join(axis.path) if axis.name in RESERVED else axis.name
 
 
 def axis_attributes(axis: Axis) -> dict[str, Any]:
@@ -224,16 +220,14 @@ def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
 
 def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
     """Dimensions and coordinates of the sweep."""
-    for axis in study.axes:
+    if not study.axes:
+        return
+    for axis, name in zip(study.axes, axis_names(study.axes), strict=True):
         labels, dims = axis_labels(axis), sweep_dims(study, axis)
         kind: Dtype = "str" if labels.dtype == object else "f8"
         extra = axis_attributes(axis)
-        put(
-            nc,
-            FileVariable(axis_name(axis), kind, axis.units, "", dims, extra=extra, coordinate=True),
-            study,
-            labels,
-        )
+        variable = FileVariable(name, kind, axis.units, "", dims, extra=extra, coordinate=True)
+        put(nc, variable, study, labels)
 
 
 def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
@@ -251,7 +245,7 @@ def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
         extra.pop("units_metadata", None)
         units = "1"
     if study.mode == "list" and SWEEP in variable.dims:
-        names = (extra.get("coordinates", ""), *(axis_name(axis) for axis in study.axes))
+        names = (extra.get("coordinates", ""), *axis_names(study.axes))
         extra["coordinates"] = " ".join(names).strip()
     named = (
         {"long_name": long_name}
@@ -266,9 +260,9 @@ def sweep_points(study: Study) -> xarray.Dataset:
     import xarray
 
     data = xarray.Dataset(attrs={"sweep_mode": study.mode})
-    for axis in study.axes:
+    for axis, name in zip(study.axes, axis_names(study.axes), strict=True):
         coordinate = (sweep_dims(study, axis), axis_labels(axis), axis_attributes(axis))
-        data = data.assign_coords({axis_name(axis): coordinate})
+        data = data.assign_coords({name: coordinate})
     data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
     return data
 
@@ -312,8 +306,6 @@ def write(
     Raises StoreError if the file cannot be written (the old one is then untouched).
     """
     study, bodies = whole.study, geometries or {}
-    if len({axis_name(axis) for axis in study.axes}) < len(study.axes):
-        raise StoreError("two swept parameters have one name; give one of them another name")
     counts: list[tuple[int, int]] = []
 
     def blocks() -> Iterator[BlockRecord]:
@@ -348,21 +340,6 @@ def write(
     number = {GEOMETRIES: len(study.variants)} if study.variants else {}
     write_dataset(path, {**whole.attributes, **number}, make, KEPT)
     return counts[0]
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """What a command other than a sweep finds: what its file holds, which has one group.
-
-    kind:       the command;  tables: variables in the order of the file; those without a value are left out
-    values:     by name of a variable, (P, …) where it lies along the sweep; edge_names are those of `edge`
-    attributes: global ones, beside those that the study has
-    """
-
-    kind: Kind
-    tables: Sequence[FileVariable]
-    values: Mapping[str, Any]
-    attributes: Mapping[str, Any]
 
 
 def write_record(path: Path, study: Study, record: Record, attributes: Mapping[str, Any]) -> None:
@@ -569,13 +546,6 @@ def _put_points(nc: netCDF4.Dataset, own: Results, left: list[_Part]) -> tuple[i
         first = False
     sought = int(count.sum() - count[PointStatus.NOT_RUN])
     return sought, sought - int(count[PointStatus.OK])
-
-
-def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
-    """An array full of missing values."""
-    return np.full(
-        shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype
-    )
 
 
 def _put_level(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:

@@ -27,15 +27,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import OTHER_OUTPUT, StoreError
-from tcstudy.data.reading import by_point, load_root
-from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.records import BlockRecord, LevelRecord, Record
 from tcstudy.data.schema import (
     CERTIFIED,
     CONTACT,
@@ -43,26 +41,29 @@ from tcstudy.data.schema import (
     JOINTS,
     JUDGED,
     LEVEL_COORDINATE,
+    NUMBERED,
     POINT_LEVEL,
     RATE,
     REGIONS,
+    REQUESTED,
+    RESERVED,
     ROOT,
     STATUS,
     SWEEP,
     Dims,
     Dtype,
     FileVariable,
-    PointStatus,
     T,
     count,
     flags,
+    free_name,
+    missing,
     region_variables,
     result,
     step_variables,
 )
-from tcstudy.data.store import Record, axis_name, missing
 from tcstudy.scene.histories import START, ContactState
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Axis, Study
 
 _VERTEX, _PIECE, _INTERVAL = ("vertex",), ("piece",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP, _BRANCH, _ON_BRANCH = (
@@ -477,15 +478,7 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
     found.append(
         FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS)
     )
-    for measure in (*ERRORS, *NUMBERS):
-        for part, dtype, units, dims, meaning in (
-            _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS
-        ):
-            name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
-            extra = flags(*VERDICTS) if part == "verdict" else {}
-            found.append(
-                FileVariable(name, dtype, units.format(measure.units), what, dims, extra=extra)
-            )
+    found += _measured()
     if study.mesh.guarantee:
         words = ("estimated relative", "proved bound of the relative")
         found += [
@@ -525,6 +518,18 @@ _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("exact", "f8", "{}", _ONCE, "exact value where known: {}"),
 )
 """The same of a number."""
+
+
+def _measured() -> Iterator[FileVariable]:
+    """Yield what is kept of every error and number."""
+    for measure in (*ERRORS, *NUMBERS):
+        parts = _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS
+        for part, dtype, units, dims, meaning in parts:
+            name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
+            extra = flags(*VERDICTS) if part == "verdict" else {}
+            yield FileVariable(name, dtype, units.format(measure.units), what, dims, extra=extra)
+
+
 OWN = "study"
 """Name of the study's own meshes where they belong to none of the families, in a file of cost."""
 BOUND = Measure(
@@ -593,6 +598,29 @@ def history_variables(study: Study) -> tuple[FileVariable, ...]:
     return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
 
 
+@cache
+def _names() -> frozenset[str]:
+    """Return the names of variables and dimensions in files of a swept study, whatever it asks for."""
+    tables = (*HISTORY, *MESH_LEVEL, *LINE, *LEVELS, *_measured())
+    names = {name for variable in tables for name in (variable.name, *variable.dims)}
+    return RESERVED | names | {*BY_ITSELF, "cycle", "step_name"}
+
+
+def is_taken(name: str) -> bool:
+    """Return whether a file may use a name itself: for a variable, a dimension or a group."""
+    patterns = (NUMBERED, REQUESTED)
+    return name in _names() or any(pattern.fullmatch(name) for pattern in patterns)
+
+
+def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
+    """Return what swept parameters are called in files: their names, or where such a name is taken
+    their key paths ("heat_omega"); no two alike."""
+    names = list[str]()
+    for axis in axes:
+        names.append(free_name(axis.name, axis.path, lambda name: name in names or is_taken(name)))
+    return tuple(names)
+
+
 def step_record(
     study: Study, point: int, step: int, found: Mapping[str, Any], reason: str = ""
 ) -> BlockRecord:
@@ -632,12 +660,11 @@ def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
         ),
         (FileVariable("cycle", "i4", "1", "cycle, from 1", ("step",), coordinate=True), cycles),
     ]
-    taken = {axis_name(axis) for axis in study.axes} | {
-        v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)
-    }
+    taken = {*axis_names(study.axes)}
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
         extra = DIFFERENCE if units == "K" else {}
-        chosen = "_".join(keys) if name in taken else name
+        chosen = free_name(name, keys, lambda choice: choice in taken or is_taken(choice))
+        taken.add(chosen)
         variable = FileVariable(
             chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra
         )
@@ -667,24 +694,3 @@ def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]
         {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values},
         told,
     )
-
-
-def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
-    """The first steps of this study's history that a file of it has, whatever steps follow there.
-    Raises StoreError where the file has other loads."""
-    data, loads = load_root(path), load_variables(study)
-    both = min(len(loads[0][1]), data.sizes["step"])
-    for variable, own in loads:
-        name = variable.name
-        if variable.dtype == "f8" and not (
-            name in data and np.array_equal(data[name].values[:both], own[:both])
-        ):
-            raise StoreError(f"{path} holds a history with other steps; {OTHER_OUTPUT}")
-    known = {v.name: by_point(data[v.name], data) for v in history_variables(study)}
-    for point, step in np.argwhere(known["status"][:, :both] != PointStatus.NOT_RUN).tolist():
-        found = {
-            name: every[point, step] if every.ndim > 1 else every[point]
-            for name, every in known.items()
-        }
-        ended = known["status"][point, step] != PointStatus.OK
-        yield step_record(study, point, step, found, str(found["reason"]) if ended else "")

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
-from tcstudy.data.store import OWN_POINT
+from tcstudy.data.schema import OF_POLYGON, OWN_POINT, UNBALANCED, PointStatus
 from tcstudy.reports.text import number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import symbol
 

@@ -76,7 +76,7 @@ def symbol(name: str) -> str:
     `heat_theta` θ; the rest in words."""
     if match := re.fullmatch(OF_EDGE.format("_"), name):
         return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
-    name = re.sub(r"^(?:heat|friction|material)_(?=\w)", "", name)
+    name = re.sub(r"^(?:heat|friction|material|parameters)_(?=\w)", "", name)
     if match := re.search(r"\bpoints[._](\d+)([._]s)?$", name):
         return f"{'s' if match[2] else 'b'}_{match[1]}"
     letter, _, rest = name.rpartition(".")[2].partition("_")

@@ -31,8 +31,8 @@ from tcstudy.accuracy.orders import (
     smooth_up_to,
     smoothness,
 )
+from tcstudy.data.records import Record
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record
 from tcstudy.data.tables import BY_ITSELF, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.solution import (

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record, missing
+from tcstudy.data.records import Record
+from tcstudy.data.schema import PointStatus, missing
 from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
 from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points

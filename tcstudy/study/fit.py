@@ -41,7 +41,7 @@ from tcstudy.accuracy.fitted import (
     uncertainty,
 )
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.data.store import Record
+from tcstudy.data.records import Record
 from tcstudy.data.tables import FIT
 from tcstudy.errors import FitError, GeometryFailed
 from tcstudy.fem.meshes import refine

@@ -37,11 +37,12 @@ from tcstudy.contact.history.memory import HistoryProblem, HistoryStep, MemoryMo
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
+from tcstudy.data.reading import stored_steps
 from tcstudy.data.records import BlockRecord, Journal
 from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, PointStatus, name_of
 from tcstudy.data.schema import SENSITIVITY_STATUS as SLOPES_STATUS
 from tcstudy.data.store import write_record
-from tcstudy.data.tables import history_record, step_record, stored_steps
+from tcstudy.data.tables import history_record, step_record
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors.processes import in_order
 from tcstudy.laws.composed import row_laws

@@ -37,7 +37,7 @@ from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import TIE, solve_contact
 from tcstudy.data.files import SHORTFALLS, Remark, tell
-from tcstudy.data.store import Record
+from tcstudy.data.records import Record
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.laws.composed import piecewise_linear

@@ -27,9 +27,9 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.data.files import Remark, check_writable, collect, holds, tell
 from tcstudy.data.reading import opened, places_in, read_blocks, read_level
-from tcstudy.data.records import BlockRecord, Journal, LevelRecord
+from tcstudy.data.records import BlockRecord, Journal, LevelRecord, Record
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
-from tcstudy.data.store import Record, Results, write, write_record
+from tcstudy.data.store import Results, write, write_record
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors.processes import SerialExecutor, in_order
 from tcstudy.fem.meshes import Meshes, PlaneMesh

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from tcstudy.data import schema, store
-from tcstudy.data.files import StoreError, collect
+from tcstudy.data.files import collect
 from tcstudy.data.reading import open_results
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import sweep_points, tile_shape, tiles
+from tcstudy.data.tables import axis_names
 from tcstudy.reports.select_point import describe, locate
 from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
 from tests.data.by_points import write
@@ -87,9 +88,25 @@ def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(
         }  # filled integers are read as floats
 
 
-def test_names_of_axes_that_collide_are_refused(output: Path, study: Study) -> None:
-    with pytest.raises(StoreError, match="two swept parameters have one name"):
-        write(output, replace(study, axes=(study.axes[0], study.axes[0])), [], [])
+TAKEN = ("level_0", "geometry_12", "own_point", "live", "step", "probe_p_u_x", "error_u_T_L2")
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_a_swept_name_that_files_use_themselves_is_stored_by_its_path(
+    output: Path, name: str
+) -> None:
+    axis = Axis(name, ("parameters", name), (1.0, 2.0), (1.0, 2.0), "m")
+    study = make_study(axes=(axis,))
+    write(output, study, [make_level(0)], [make_block(0, 0, 1, shape=study.shape)])
+    with open_results(output) as tree:
+        assert tree["status"].dims == (f"parameters_{name}", "level")
+        np.testing.assert_array_equal(tree[f"parameters_{name}"], [1.0, 2.0])
+
+
+def test_no_two_axes_have_one_name_in_a_file() -> None:
+    paths = ("heat", "omega"), ("parameters", "heat_omega"), ("parameters", "E")
+    axes = [Axis(path[-1], path, (1.0,), (1.0,), "1") for path in paths]
+    assert axis_names(axes) == ("heat_omega", "parameters_heat_omega", "E")
 
 
 @pytest.mark.parametrize("mode", ["grid", "list"])

@@ -15,8 +15,8 @@ import tcstudy
 from tcstudy.accuracy.norms import nodal, norms, prolongation
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer
+from tcstudy.data.records import Record
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record
 from tcstudy.errors import CostError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import MeshPlan, Study

@@ -11,9 +11,8 @@ import xarray as xr
 
 from tcstudy.cli import main
 from tcstudy.contact.all_solutions import Limits
-from tcstudy.data.records import BlockRecord
+from tcstudy.data.records import BlockRecord, Record
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text

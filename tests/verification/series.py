@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from tcstudy.data.store import Record
+from tcstudy.data.records import Record
 from tcstudy.data.tables import ERRORS, LEVELS, VERDICTS, convergence_table
 from tests.verification.scenes import RECTANGLE, study_of
 

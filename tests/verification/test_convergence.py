@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from tcstudy.data.store import Record
+from tcstudy.data.records import Record
 from tcstudy.exact.solution import exact_xi
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level

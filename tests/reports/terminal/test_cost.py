@@ -9,8 +9,9 @@ from tcstudy.accuracy.orders import dominated
 from tcstudy.commands.results import picture
 from tcstudy.data.files import collect
 from tcstudy.data.reading import load_root
+from tcstudy.data.records import Record
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record, write_record
+from tcstudy.data.store import write_record
 from tcstudy.data.tables import COST_TABLE
 from tcstudy.reports.page.parts import Container
 from tcstudy.reports.page.run import read
