@@ -1,13 +1,11 @@
-"""Rates of convergence with their uncertainty, Richardson's extrapolation of numbers, what is worth
-its cost (the points that no other beats in cost and error together), and the order to expect of
-each error from how smooth the solution is.
+"""Rates of convergence with their uncertainty, the settings that no other beats in cost and error
+together, and the order to expect of each error from how smooth the solution is.
 
 Rate between levels:  r_i = log(e_{i−1}/e_i) / log(h_{i−1}/h_i)
 Slope:                least squares of log e over log h, with its standard error, on the asymptotic levels: the longest
                       run up to the finest over which rates differ by at most SETTLED; on all, and
                       marked as not
                       settled, if no two rates agree
-Extrapolation:        q(h) = q* + C h^p through the three finest levels
 
 Expected, with u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of
 Γ_C (uniform meshes, P1; on meshes graded like h r^(1−μ) towards a point its exponents, with what is
@@ -59,9 +57,6 @@ rate."""
 CONDITION = 64.0
 """Condition of a stiffness matrix over (size of the body/h)²: rounding grows like it. On patch
 tests, whose errors are nothing else, errors come to 0.01 to 12 of it."""
-STEADY = 1e-12
-"""Relative change of a number below which it does not depend on the level: what is left is
-rounding."""
 NAN = float("nan")
 
 
@@ -132,60 +127,6 @@ def _slope(x: Array, y: Array) -> tuple[float, float]:
         return (float(np.diff(y)[0] / np.diff(x)[0]) if len(x) == 2 else NAN), NAN
     (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
     return float(slope), float(np.sqrt(covariance[0, 0]))
-
-
-def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> dict[str, float]:
-    """Extrapolate q(h) (levels,) to h = 0 from its three finest usable levels.
-
-    limit, uncertainty: q* and how far it may be off: twice what the extrapolation from the three
-    levels before gives
-                        differently, at least a tenth of the extrapolated step; with three levels
-                        that step itself
-    limit_order:        p; NaN where the values do not approach a limit monotonically: then the limit is the finest one
-                        and the uncertainty its largest distance from the two before
-    """
-    known = usable & np.isfinite(q)
-    h, q = h[known], q[known]
-    if len(q) < 2:
-        return {"limit": float(q[-1]) if len(q) else NAN, "uncertainty": NAN, "limit_order": NAN}
-    order, limit = _extrapolate(h[-3:], q[-3:])
-    if not np.isfinite(limit):
-        return {
-            "limit": float(q[-1]),
-            "uncertainty": float(np.max(np.abs(q[-3:] - q[-1]))),
-            "limit_order": NAN,
-        }
-    step, (_, before) = abs(limit - q[-1]), _extrapolate(h[-4:-1], q[-4:-1])
-    uncertainty = max(0.1 * step, 2.0 * abs(limit - before)) if np.isfinite(before) else step
-    return {"limit": limit, "uncertainty": float(uncertainty), "limit_order": order}
-
-
-def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
-    """(p, q*) from three levels; NaN of fewer, and unless the steps shrink in one direction, or are
-    rounding."""
-    if len(q) < 3:
-        return NAN, NAN
-    first, second = q[1] - q[0], q[2] - q[1]
-    rounding = STEADY * np.max(np.abs(q))
-    if max(abs(first), abs(second)) <= rounding:
-        return NAN, float(q[2])
-    if first * second <= 0.0 or abs(second) <= rounding:
-        return NAN, NAN
-
-    def mismatch(p: float) -> float:
-        a, b, c = (float(x) ** p for x in h / h[0])
-        return float(first * (b - c) - second * (a - b))
-
-    low, high = 0.1, 8.0
-    if mismatch(low) * mismatch(high) > 0.0:
-        return NAN, NAN
-    from scipy.optimize import (
-        brentq,
-    )  # here, because a run imports this module and needs it for estimates alone
-
-    p = float(brentq(mismatch, low, high, xtol=1e-12))
-    b, c = (float(x) ** p for x in h[1:] / h[0])
-    return p, float(q[2] + second * c / (b - c))
 
 
 TIED = 1e-9

@@ -440,6 +440,7 @@ NUMBERS = (
     Measure("energy", "energy", "J m-1", "energy of the solution"),
     Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
     Measure("slip_length", "slip length", "m", "length of the contact line that does not stick"),
+    Measure("u_T_max", "max |u_T|", "m", "largest tangential displacement on the contact line"),
 )
 
 
@@ -478,6 +479,7 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
     found.append(
         FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS)
     )
+    found.append(FileVariable("reason", "str", "", "why there is no solution", POINT_LEVEL))
     found += _measured()
     if study.mesh.guarantee:
         words = ("estimated relative", "proved bound of the relative")
@@ -512,8 +514,8 @@ _ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
 """What is kept of an error: name before that of the measure, type, units, dimensions, meaning."""
 _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("value", "f8", "{}", POINT_LEVEL, "{}"),
-    ("limit", "f8", "{}", _ONCE, "extrapolated: {}"),
-    ("uncertainty", "f8", "{}", _ONCE, "uncertainty of the extrapolated value: {}"),
+    ("limit", "f8", "{}", _ONCE, "extrapolated to h = 0: {}"),
+    ("uncertainty", "f8", "{}", _ONCE, "uncertainty of the extrapolated value, 95 % hold: {}"),
     ("limit_order", "f8", "1", _ONCE, "order of the extrapolation: {}"),
     ("exact", "f8", "{}", _ONCE, "exact value where known: {}"),
 )

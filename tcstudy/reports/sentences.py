@@ -8,6 +8,7 @@ levels.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -70,6 +71,14 @@ def percent(share: float) -> str:
         if share >= 1e-6
         else f"{share:.1e}"
     )
+
+
+def sentence_of(lines: Iterable[tuple[str, str]]) -> str:
+    """Return labelled lines as running text: one sentence for all lines of a label."""
+    texts = dict[str, list[str]]()
+    for label, text in lines:
+        texts.setdefault(label, []).append(text)
+    return answered(*texts.values())
 
 
 def answered(*sentences: Iterable[str]) -> str:
@@ -420,29 +429,43 @@ def order(slope: float, error: float, digits: int = 2) -> str:
     return f"{slope:z.{digits}f}" + (f" ± {number(error, 1)}" if np.isfinite(error) else GUESS)
 
 
-def orders(verdicts: Iterable[tuple[str, str]], solved: bool) -> str:
-    """All measured orders in a sentence; verdicts: (symbol of the error, of VERDICTS), which an
-    order has that was measured; what is not judged counts neither way.
-    """
-    told = list(verdicts)
-    if not told:
-        return "nothing could be compared: there is no reference"
-    count = {name: sum(verdict == name for _, verdict in told) for name in VERDICTS}
-    judged = len(told) - count["unknown"] - count["too_few_levels"]
-    good = count["as_expected"] + count["faster"] + count["exact"]
-    parts = [f"{good} of {judged} measured orders are as expected or better"]
-    parts += [f"{count[name]} {words}" for name, words in OPEN.items() if count[name]]
-    slow = sorted({symbol for symbol, verdict in told if verdict == "slower"})
-    parts += ["slower than expected: " + ", ".join(slow)] if slow else []
-    return "; ".join(parts if solved else [*parts, "some levels were not solved"])
-
-
+GOOD = ("as_expected", "faster")
+"""Verdicts of orders that are as expected or better."""
 OPEN = {
-    "pre_asymptotic": "not yet settled (pre-asymptotic)",
-    "too_few_levels": "of two levels",
-    "unknown": "not judged, as corners were not analysed",
+    "too_few_levels": ("rests on two levels", "rest on two levels"),
+    "exact": ("error is rounding", "errors are rounding"),
+    "unknown": ("has corners that are not analysed", "have corners that are not analysed"),
 }
-"""Orders that are neither as expected nor not."""
+"""Verdicts by which an order cannot be judged, in words for one and for several of them."""
+
+
+def orders(verdicts: Iterable[tuple[str, str]]) -> list[str]:
+    """Return what is said of measured orders, from the symbol of each error and its verdict.
+
+    Only orders that can be judged are counted among those as expected: not those of two levels, of
+    errors that are rounding, or beside corners that are not analysed.
+    """
+    measured = list(verdicts)
+    if not measured:
+        return ["no order is measured: there is no reference"]
+    count = Counter(verdict for _, verdict in measured)
+    open_words = list[str]()
+    for verdict, (singular, plural) in OPEN.items():
+        if count[verdict]:
+            open_words.append(f"{count[verdict]} {singular if count[verdict] == 1 else plural}")
+    judged = len(measured) - sum(count[verdict] for verdict in OPEN)
+    if not judged:
+        return [f"no order can be judged: {', '.join(open_words)}"]
+    good = sum(count[verdict] for verdict in GOOD)
+    answer = [f"{good} of {judged} orders are as expected or better"]
+    for verdict, words in (
+        ("slower", "slower than expected"),
+        ("pre_asymptotic", "pre-asymptotic"),
+    ):
+        symbols = sorted({symbol for symbol, one in measured if one == verdict})
+        if symbols:
+            answer.append(f"{count[verdict]} {words}: {', '.join(symbols)}")
+    return [*answer, f"not judged: {', '.join(open_words)}"] if open_words else answer
 
 
 # -- histories

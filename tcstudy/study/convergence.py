@@ -1,9 +1,10 @@
 """The convergence of a study over its levels: errors, rates beside the orders to expect,
 extrapolated numbers.
 
-Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS levels,
-compared with levels at least 2^GAP times coarser (what its own error adds is then below 4^-GAP of a
-smooth error's square), itself not part of any fit; else none, and only numbers are extrapolated.
+Reference: the exact solution if the study gives one; else the finest solved of at least MIN_LEVELS
+levels, compared with levels at least 2^GAP times coarser (what its own error adds is then below
+4^-GAP of a smooth error's square), itself not part of any fit; else none, and only numbers are
+extrapolated.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.corners import sticking_near, vertices
+from tcstudy.accuracy.limits import MIN_LEVELS as LIMIT_LEVELS
+from tcstudy.accuracy.limits import StickSlip, limit_of
 from tcstudy.accuracy.orders import (
     NOT_ANALYSED,
     ROUNDING,
@@ -26,7 +29,6 @@ from tcstudy.accuracy.orders import (
     expected_orders,
     fit,
     log_share,
-    richardson,
     rounding_level,
     smooth_up_to,
     smoothness,
@@ -171,6 +173,9 @@ def converge(study: Study, say: Say = lambda text: None) -> Record:
             if not study.variants:
                 raise
             lost.append(f"{body.words}: {error}")
+            reason = np.full(study.mesh.levels, str(error), dtype=object)
+            for place in body.places:
+                points[place] = {**points[place], "reason": reason}
             continue
         references.append(reference)
         notes.append((body.words, told))
@@ -203,20 +208,21 @@ def _reference(
     study: Study, levels: list[SolvedLevel]
 ) -> tuple[Reference | None, str, Mask, list[str]]:
     """What errors are measured against, in words, the levels compared with it, and remarks."""
-    n = len(levels)
     if study.exact is not None:
-        return ExactReference(study.exact), "the exact solution", np.ones(n, dtype=bool), []
+        every = np.ones(len(levels), dtype=bool)
+        return ExactReference(study.exact), "the exact solution", every, []
     h = np.array([level.mesh.h_max for level in levels])
-    compared = h >= COARSER * 2**GAP * h[-1]
-    if n < MIN_LEVELS or np.count_nonzero(compared) < 2:
-        none = np.zeros(n, dtype=bool)
-        few = f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
-        remedy = "numbers are extrapolated. Give more levels, or the exact solution"
-        return None, "none", none, [f"No errors are measured: {few}; {remedy}."]
+    some_solved = [any(one.ok for one in level.solutions.values()) for level in levels]
+    finest = int(np.flatnonzero(some_solved)[-1]) if any(some_solved) else 0
+    compared = h >= COARSER * 2**GAP * h[finest]
+    if finest + 1 < MIN_LEVELS or np.count_nonzero(compared) < 2:
+        return None, "none", np.zeros(len(levels), dtype=bool), [_no_errors(some_solved)]
     last = int(np.flatnonzero(compared)[-1])
-    between = ", ".join(str(i) for i in range(last + 1, n - 1))
+    between = ", ".join(str(i) for i in range(last + 1, finest))
     skipped = f"levels {between} are not used" if "," in between else f"level {between} is not used"
-    words = f"level {n - 1}, the finest (levels compared are at least {2**GAP} times coarser; {skipped})"
+    rank = "finest" if finest + 1 == len(levels) else "finest that is solved"
+    gap = f"levels compared are at least {2**GAP} times coarser"
+    words = f"level {finest}, the {rank} ({gap}; {skipped})"
     areas = [float(level.mesh.area.sum()) for level in levels]
     apart = (
         "Levels are no uniform refinements of one another, or the boundary is curved: a coarse "
@@ -224,7 +230,23 @@ def _reference(
         "exact where the reference refines its mesh."
     )
     notes = [apart] if not study.mesh.nested or np.ptp(areas) > 1e-9 * areas[-1] else []
-    return FineReference(levels[-1], study.mesh.nested), words, compared, notes
+    return FineReference(levels[finest], study.mesh.nested), words, compared, notes
+
+
+def _no_errors(some_solved: Sequence[bool]) -> str:
+    """Return the reason why there is no reference, and what to do about it."""
+    solved_count = sum(some_solved)
+    if solved_count == len(some_solved):
+        solved_words = f"there are {solved_count} levels"
+    else:
+        solved_words = f"{solved_count} of {len(some_solved)} levels are solved"
+    need = (
+        f"the reference needs two levels that are {2**GAP} times coarser, "
+        f"as they are with mesh.levels of {MIN_LEVELS}"
+    )
+    limits = "Limits are extrapolated. " if solved_count >= LIMIT_LEVELS else ""
+    remedy = "Give more levels, or the exact solution"
+    return f"No errors are measured: {solved_words}, and {need}. {limits}{remedy}."
 
 
 def _point(
@@ -240,6 +262,7 @@ def _point(
     solutions = [level.solutions[index] for level in levels]
     h, ok = np.array([level.mesh.h_max for level in levels]), np.array([s.ok for s in solutions])
     point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
+    point["reason"] = np.array([s.reason for s in solutions], dtype=object)
     point |= {
         "h_max": h,
         "n_dof": [level.n_dof for level in levels],
@@ -280,12 +303,60 @@ def _point(
             "energy": exact_energy(study.exact, scene, levels[-1].mesh),
             "slip_length": exact_slip_length(study.exact, scene),
         }
+    states = _contact_states(levels, solutions)
     for name in (measure.name for measure in NUMBERS):
         values = np.array([s.numbers.get(name, np.nan) for s in solutions])
-        if np.isfinite(values).any():
-            parts = {"value": values, "exact": exact.get(name, np.nan), **richardson(h, values, ok)}
-            point |= {f"{part}_{name}": value for part, value in parts.items()}
+        if not np.isfinite(values).any():
+            continue
+        unresolved = states[-1].unresolved(name) if states else 0.0
+        limit = limit_of(name, h, np.where(ok, values, np.nan), unresolved)
+        point[f"value_{name}"] = values
+        point[f"exact_{name}"] = exact.get(name, np.nan)
+        point[f"limit_{name}"] = limit.value
+        point[f"uncertainty_{name}"] = limit.uncertainty
+        point[f"limit_order_{name}"] = limit.order
     return point
+
+
+def _contact_states(
+    levels: Sequence[SolvedLevel], solutions: Sequence[Solution]
+) -> list[StickSlip]:
+    """Return the state of the contact line on the solved levels of a point, coarse to fine."""
+    states = list[StickSlip]()
+    for level, solution in zip(levels, solutions, strict=True):
+        if not solution.ok:
+            continue
+        unknowns = level.line.unknowns
+        inner_segments = unknowns[(unknowns >= 0).all(axis=1)]
+        can_stick = math.isfinite(solution.numbers.get("slip_length", math.nan))
+        state = StickSlip(
+            level.line.c, solution.v, solution.xi, solution.sticks, inner_segments, can_stick
+        )
+        states.append(state)
+    return states
+
+
+def _new_order_note(study: Study, levels: Sequence[SolvedLevel]) -> str:
+    """Return the advice to add a level where stick and slip change their order on the finest one
+    only; empty where they do not."""
+    changes = list[str]()
+    for index in np.ndindex(study.shape):
+        states = _contact_states(levels, [level.solutions[index] for level in levels])
+        orders = [state.order for state in states]
+        if len(orders) >= LIMIT_LEVELS and orders[-1] != orders[-2]:
+            changes.append(f"{orders[-2]} → {orders[-1]}")
+    if not changes:
+        return ""
+    where = f"At {len(changes)} of {len(study.scenes)} points: " if len(study.scenes) > 1 else ""
+    kinds = list(dict.fromkeys(changes))
+    examples = f"{', '.join(kinds[:3])}{', …' if len(kinds) > 3 else ''}"
+    more = f"mesh.levels={study.mesh.levels + 1}"
+    if study.mesh.listed:
+        more = "a smaller size in mesh.maxh"
+    return (
+        f"{where}stick (0) and slip (+, −) first change their order on the finest level "
+        f"({examples.replace('-', '−')}): give one more level ({more})."
+    )
 
 
 def _notes(
@@ -309,6 +380,8 @@ def _notes(
     if isinstance(reference, FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
         yield f"The reference has an error of its own, so rates look larger: an order of {seen} at most."
+    if order_note := _new_order_note(study, levels):
+        yield order_note[0].upper() + order_note[1:]
     solutions = levels[-1].solutions.values()
     # the exact solution may be an equilibrium, but not the one of least energy
     if pairs := [(s.numbers["energy"], s.lower) for s in solutions if np.isfinite(s.lower)]:

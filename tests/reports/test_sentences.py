@@ -13,16 +13,38 @@ NAN = float("nan")
     [
         (said.order(1.234, 0.05), "1.23 ± 0.05"),
         (said.order(1.234, NAN), "1.23?"),
-        (said.orders([("u", "slower"), ("θ", "exact"), ("ξ", "unknown")], False),
-         "1 of 2 measured orders are as expected or better; 1 not judged, as corners were not analysed; "
-         "slower than expected: u; some levels were not solved"),
-        (said.orders([], True), "nothing could be compared: there is no reference"),
         (said.answered(["peak 2 MPa", "", "3 equilibria"], ["residual 1e-15"], []),
          "Peak 2 MPa; 3 equilibria. Residual 1e-15."),
     ],
 )  # fmt: skip
 def test_words(sentence: str, words: str) -> None:
     assert sentence == words
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "words"),
+    [
+        ([], ["no order is measured: there is no reference"]),
+        (
+            [("u", "too_few_levels")] * 3 + [("ξ", "exact")],
+            ["no order can be judged: 3 rest on two levels, 1 error is rounding"],
+        ),
+        ([("u", "as_expected"), ("ξ", "faster")], ["2 of 2 orders are as expected or better"]),
+        (
+            [("u", "slower"), ("u", "faster"), ("ξ", "pre_asymptotic"), ("ξ", "exact"), ("v", "unknown")],
+            [
+                "1 of 3 orders are as expected or better",
+                "1 slower than expected: u",
+                "1 pre-asymptotic: ξ",
+                "not judged: 1 error is rounding, 1 has corners that are not analysed",
+            ],
+        ),
+    ],
+)  # fmt: skip
+def test_only_orders_that_can_be_judged_count(
+    verdicts: list[tuple[str, str]], words: list[str]
+) -> None:
+    assert said.orders(verdicts) == words
 
 
 def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_start_left_over() -> (

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.accuracy.limits import MIN_LEVELS as LIMIT_LEVELS
 from tcstudy.accuracy.orders import TIED
 from tcstudy.data.reading import axis_names, by_point, each_point
 from tcstudy.data.schema import PointStatus
@@ -18,7 +19,19 @@ from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
 from tcstudy.reports.sentences import percent
-from tcstudy.reports.text import Heading, Part, Table, TextColumn, counted, headed, number, prefix
+from tcstudy.reports.text import (
+    Heading,
+    Part,
+    Table,
+    TextColumn,
+    counted,
+    failure_lines,
+    headed,
+    labelled,
+    number,
+    prefix,
+    pretty,
+)
 
 # -- convergence
 # -------------------------------------------------------------------------------------------------------
@@ -37,6 +50,10 @@ LEGEND = (
     "(parentheses) did not converge and enter no fit. Errors are relative to the norm of the reference; H¹ is the "
     "seminorm; ξ is compared in L²(Γ_C) as a step function, and at the contact nodes."
 )
+UNCERTAINTY = (
+    "h → 0: limit ± uncertainty, which held the limit in 95 % or more of random scenes; a slip length is uncertain by "
+    f"one cell at least; fewer than {LIMIT_LEVELS} levels give no limit"
+)
 MARKS = {"slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
 """What stands behind an order that is not as expected."""
 OVERVIEW = (
@@ -48,20 +65,122 @@ STEADY = 1e-12
 """Relative uncertainty that is rounding and not worth a word."""
 
 
+TEMPERATURE = "θ"
+"""Begins the symbols of errors of the temperature, which are no mechanical ones."""
+
+
+def convergence_lines(data: Any) -> list[tuple[str, str]]:
+    """Return labelled lines: orders, the reference, errors with limits, and what was solved.
+
+    Levels that were not solved come first, with their reasons.
+    """
+    verdicts = _verdicts(data)
+    mechanical = [(m.symbol, word) for m, word in verdicts if m.symbol[0] != TEMPERATURE]
+    warm = [(m.symbol, word) for m, word in verdicts if m.symbol[0] == TEMPERATURE]
+    lines = [("Answer", text) for text in sentences.orders(mechanical)]
+    if any(word not in sentences.OPEN for _, word in warm):
+        lines += [("Answer", f"temperature: {text}") for text in sentences.orders(warm)]
+    lines.append(("Trust", _reference_words(data)))
+    lines += [("Accuracy", text) for text in (_finest_errors(data), *_limit_words(data))]
+    solved, failures = _solved_words(data)
+    if failures:
+        return [("Solved", solved), *(("Reason", text) for text in failures), *lines]
+    return [*lines, ("Solved", solved)]
+
+
+def _verdicts(data: Any) -> list[tuple[Measure, str]]:
+    """Return every measured order of every point: its measure and its verdict."""
+    verdicts = list[tuple[Measure, str]]()
+    for measure in shown(data):
+        flags = by_point(data[f"verdict_{measure.name}"], data)
+        slopes = by_point(data[f"slope_{measure.name}"], data)
+        for flag, slope in zip(flags, slopes, strict=True):
+            word = VERDICTS[int(flag)]
+            if np.isfinite(slope) or word == "exact":
+                verdicts.append((measure, word))
+    return verdicts
+
+
+def _reference_words(data: Any) -> str:
+    """Return what errors are measured against, and on how many levels."""
+    reference = str(data.attrs["reference"]).removeprefix("the ")
+    return f"reference: {reference}; {counted(data.sizes['level'], 'level')}"
+
+
+def _finest_errors(data: Any) -> str:
+    """Return the largest errors of u and ξ on the finest level that has errors."""
+    errors = list[str]()
+    level, point_count = -1, data["status"].size // data.sizes["level"]
+    for name, words in (("u_energy", "u {} (energy)"), ("xi_L2", "ξ {} (L²)")):
+        if f"error_{name}" not in data:
+            continue
+        ok = by_point(data["status"], data) == int(PointStatus.OK)
+        error = np.where(ok, by_point(data[f"error_{name}"], data), np.nan)
+        known_levels = np.flatnonzero(np.isfinite(error).any(axis=0))
+        if not len(known_levels):
+            continue
+        level = int(known_levels[-1])
+        errors.append(words.format(percent(float(np.nanmax(error[:, level])))))
+    if not errors:
+        return ""
+    rank = "the finest" if level == data.sizes["level"] - 1 else "the finest compared"
+    most = "at most " if point_count > 1 else ""
+    return f"level {level}, {rank}: {most}{', '.join(errors)}"
+
+
+def _limit_words(data: Any) -> list[str]:
+    """Return the limits of one point, or how well those of several points are known."""
+    if "limit_energy" not in data:
+        return []
+    if not np.isfinite(data["limit_energy"]).any():
+        return [f"no limits h → 0: they need {LIMIT_LEVELS} solved levels"]
+    limits = list[str]()
+    for measure in NUMBERS:
+        if f"limit_{measure.name}" not in data:
+            continue
+        limit = by_point(data[f"limit_{measure.name}"], data)
+        uncertainty = by_point(data[f"uncertainty_{measure.name}"], data)
+        known = np.isfinite(limit)
+        if not known.any():
+            continue
+        if len(limit) == 1:
+            divisor, unit = prefix(limit, str(data[f"limit_{measure.name}"].attrs["units"]))
+            value = _uncertain(limit[0] / divisor, uncertainty[0] / divisor)
+            limits.append(f"{measure.symbol} → {value} {pretty(unit)}".rstrip())
+            continue
+        scale = float(np.abs(limit[known]).max())
+        if scale > 0.0:
+            share = percent(float(uncertainty[known].max()) / scale)
+            limits.append(f"{share} ({measure.symbol})")
+    if data["status"].size == data.sizes["level"]:
+        return limits
+    return [f"limits h → 0 known to {', '.join(limits)}, relative to the largest of all points"]
+
+
+def _solved_words(data: Any) -> tuple[str, list[str]]:
+    """Return how much was solved, and the failures by kind with their reasons."""
+    status = by_point(data["status"], data)
+    points, levels = status.shape
+    ok = status == int(PointStatus.OK)
+    solved = f"{int(ok.sum())} of {levels} levels"
+    if points > 1:
+        solved = f"{int(ok.sum())} of {ok.size} solutions ({points} points, {levels} levels)"
+    reasons = by_point(data["reason"], data) if "reason" in data else None
+    words = [describe(data, where) for where in each_point(data)]
+    failures = list[tuple[PointStatus, str, str]]()
+    for point, level in np.argwhere(~ok).tolist():
+        reason = "" if reasons is None else str(reasons[point, level])
+        place = ", ".join(filter(None, [words[point], f"level {level}"]))
+        failures.append((PointStatus(int(status[point, level])), reason, place))
+    return solved, failure_lines(failures)
+
+
 def convergence_verdict(data: Any) -> tuple[str, str, bool]:
-    """How many orders are as expected, how that is known, and whether all is well."""
-    found = [
-        (m.symbol, VERDICTS[int(v)])
-        for m in shown(data)
-        for v in by_point(data[f"verdict_{m.name}"], data)
-    ]
+    """Return the labelled lines as running text, and whether all is well: every level solved, and
+    no order slower than expected."""
     solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
-    lack = next(
-        (text for text in str(data.attrs["notes"]).split("\n") if text.startswith("No errors")),
-        None,
-    )
-    told = lack if lack and not found else f"{sentences.orders(found, solved)}."
-    return told, "", solved and all(verdict != "slower" for _, verdict in found)
+    slower = any(word == "slower" for _, word in _verdicts(data))
+    return sentences.sentence_of(convergence_lines(data)), "", solved and not slower
 
 
 def convergence_parts(
@@ -71,7 +190,7 @@ def convergence_parts(
     DrawError if there is no such point.
     """
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
-    yield f"Reference: {data.attrs['reference']}."
+    yield labelled(convergence_lines(data))
     yield _levels(data)
     points = [locate(data, point)] if point else each_point(data)
     if len(points) > 1 and not full:
@@ -83,8 +202,7 @@ def convergence_parts(
         yield from tables(data.isel(where))
     if points:
         yield LEGEND
-    said = f"Note: {convergence_verdict(data)[0]}"  # that there are no errors, which stands above
-    yield from (note for note in notes(data) if note != said)
+    yield from notes(data)
 
 
 def notes(data: Any) -> list[str]:
@@ -142,7 +260,7 @@ def _levels(data: Any) -> Table:
 def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
     """The orders of all points in one table, below the order expected of each error."""
     if not shown(data):
-        yield "There is no reference, and so no errors; what the numbers tend to: -v."
+        yield "There is no reference, and so no errors. Limits h → 0 of every point: -v."
         return
     columns = []
     for i, name in enumerate(axis_names(data)):
@@ -215,7 +333,7 @@ def _errors(at: Any) -> Table:
 
 
 def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
-    """A row for each number: by level, extrapolated to h = 0."""
+    """A row for each result: by level, extrapolated to h = 0."""
     ok = at["status"].values == int(PointStatus.OK)
     rows, levels = [], len(ok)
     for m in measures:
@@ -231,9 +349,9 @@ def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
             number(known, 7),
         ]
         rows.append((headed(m.symbol, unit), *values, *ends))
-    header = ("number", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
+    header = ("result", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
     ranks = (0, *(levels - i if i < levels - 1 else 0 for i in range(levels)), 0, 1, 0)
-    table = Table.of_rows("Numbers, extrapolated by Richardson's rule", header, rows, ranks)
+    table = Table.of_rows("Results, extrapolated to h = 0", header, rows, ranks, UNCERTAINTY)
     return (
         table if {*table.columns[-1].cells} != {"–"} else replace(table, columns=table.columns[:-1])
     )

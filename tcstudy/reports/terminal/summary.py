@@ -66,9 +66,8 @@ def text_of(
         data = root.drop_vars(NOT_SAID if kind == "run" else [], errors="ignore").load()
     heading, *rest = KINDS[kind][1](data, full, point)
     told = f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()
-    said = {"run": f"  {text}", "cost": ""}.get(
-        kind, told
-    )  # what there is to say of costs stands in their parts
+    # the labelled lines of a convergence and of costs stand in their parts
+    said = {"run": f"  {text}", "convergence": "", "cost": ""}.get(kind, told)
     text = render([heading, *filter(None, [said]), *rest]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text

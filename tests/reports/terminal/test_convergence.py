@@ -13,7 +13,7 @@ from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.terminal.accuracy import _uncertain
-from tcstudy.reports.terminal.summary import text_of
+from tcstudy.reports.terminal.summary import text_of, verdict_of
 
 STUDY = read_study_text("""\
 title: Made-up errors
@@ -48,6 +48,7 @@ def numbers(status):
     parts = {"value": 5 + H, "limit": 5.0, "uncertainty": 0.01, "limit_order": 1.0, "exact": NAN}
     return {
         "status": np.array(status),
+        "reason": np.array(["" if one == PointStatus.OK else "why it failed" for one in status]),
         **{f"{part}_energy": value for part, value in parts.items()},
     }
 
@@ -97,6 +98,35 @@ def test_the_tables(file):
     assert (
         _uncertain(-4.2e-17, 0.083) == "0 ± 0.083"
     )  # no minus before a zero, no digits of rounding
+
+
+def test_a_failed_level_comes_first_with_its_reason(file):
+    """Orders of two points with three errors each; one of six is pre-asymptotic twice."""
+    text, _, well = verdict_of(file)
+    assert text.startswith("7 of 8 solutions (2 points, 4 levels). 1 solution failed: inclusion")
+    assert "why it failed" in text
+    assert "2 of 6 orders are as expected or better; 2 slower than expected: u in L²" in text
+    assert "no reference" not in text
+    assert not well
+    lines = [line[2:12].strip() for line in text_of(file).split("\n\n")[1].split("\n")]
+    assert [label for label in lines if label] == [
+        "Solved",
+        "Reason",
+        "Answer",
+        "Trust",
+        "Accuracy",
+    ]
+
+
+def test_limits_need_three_levels(tmp_path):
+    """Without a reference no order is measured, and the page says nothing else."""
+    none = {"limit_energy": NAN, "uncertainty_energy": NAN}
+    write(tmp_path / "a.nc", [numbers((OK,) * 4) | none] * 2)
+    text, _, well = verdict_of(tmp_path / "a.nc")
+    assert text.startswith("No order is measured: there is no reference.")
+    assert "no limits h → 0: they need 3 solved levels" in text.lower()
+    assert text.endswith("8 of 8 solutions (2 points, 4 levels).")
+    assert well
 
 
 def test_the_plot(file, tmp_path, monkeypatch):
