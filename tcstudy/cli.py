@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from tcstudy.commands import results, run
 from tcstudy.commands.shared import BAD_INPUT, OK, file_name, named
-from tcstudy.errors import StudyWarning, UserFault, guarded_streams, is_lost, printable
+from tcstudy.errors import Stream, StudyWarning, UserFault, guarded_streams, is_lost, printable
 
 LISTED = (
     run.run,
@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         warnings.simplefilter("always", StudyWarning)
         warnings.showwarning = _shown(warnings.showwarning)
         try:
-            code = _command(arguments)
+            code = _command(arguments, out)
         except SystemExit as stop:
             if stop.code:
                 raise
@@ -76,14 +76,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _command(arguments: list[str]) -> int:
+def _command(arguments: list[str], out: Stream) -> int:
     if now := FORMER.get("".join(arguments[:1])):
         print(f"tcstudy: {arguments[0]} is now: {now}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
     options = parser_of().parse_args(arguments)
     options.words = ["tcstudy", *arguments]
     try:
-        return int(options.run(options))
+        with out.alone():
+            return int(options.run(options))
     except UserFault as fault:
         said = str(fault)
         if options.read is not None:  # the study, in which it has its place
@@ -107,12 +108,18 @@ def _command(arguments: list[str]) -> int:
 
 
 def _shown(otherwise: Callable[..., None]) -> Callable[..., None]:
-    """How warnings are shown: those of a study in one line on standard error, and once."""
+    """Return how warnings are shown: those of a study in one line on standard error, and once.
+
+    Those of libraries are for who works on the program, and asks for them (python -W): every
+    solution is judged by its residual, and values that are not finite become a fault or a failed
+    point with its reason.
+    """
     told = set[str]()
 
     def show(message: Warning | str, category: type[Warning], *more: Any, **named: Any) -> None:
         if not issubclass(category, StudyWarning):
-            otherwise(message, category, *more, **named)
+            if sys.warnoptions:
+                otherwise(message, category, *more, **named)
         elif (text := f"warning: {printable(str(message))}") not in told:
             told.add(text)
             print(text, file=sys.stderr, flush=True)

@@ -14,12 +14,16 @@ import re
 import sys
 import unicodedata
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
 from types import FrameType
-from typing import Any, TextIO, cast
+from typing import Any, ParamSpec, TextIO, TypeVar, cast
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 """Unicode categories that print nothing, begin a line or steer a terminal."""
@@ -125,6 +129,10 @@ class UserFault(Exception):
     placed = False
     keys: tuple[str, ...] | None = None
 
+    def reword(self, words: Callable[[str], str]) -> None:
+        """Replace the text by what a function makes of it."""
+        self.args = tuple(words(part) if isinstance(part, str) else part for part in self.args)
+
     def _render_traceback_(self) -> list[str]:
         return [f"{type(self).__name__}: {self}"]
 
@@ -194,9 +202,68 @@ class StudyError(UserFault):
         self.problems = tuple(sorted(unique, key=lambda p: (p.line, p.column)))
         super().__init__(self.problems)
 
+    def reword(self, words: Callable[[str], str]) -> None:
+        """Replace what is said of every problem; a change of the study is its own place."""
+        self.problems = tuple(
+            replace(
+                problem,
+                file=problem.file.removeprefix(_SET_FILE),
+                what=words(problem.what),
+                remedy=words(problem.remedy),
+            )
+            for problem in self.problems
+        )
+        self.args = (self.problems,)
+
     def __str__(self) -> str:
         """One line for each problem."""
         return "\n".join(str(problem) for problem in self.problems)
+
+
+# -- faults in the words of Python
+# ------------------------------------------------------
+
+_SET_FILE = "--set "
+_SET = re.compile(r"""--set (['"]?)([\w.\[\]-]+)=(.+?)\1(?=[\s,;)]|$)""")
+_YAML_WORDS = {"null": "None", "true": "True", "false": "False"}
+_OPTION = re.compile(r"(?<![\w/-])--([a-z]+)( \d+)?")
+
+
+def python_words(text: str) -> str:
+    """Return a message with arguments of Python in place of options of the command line:
+    `study.with_({"path": None})` for --set path=null, force=True for --force."""
+
+    def change(option: re.Match[str]) -> str:
+        key, value = option[2], option[3]
+        is_number = NUMBER.fullmatch(value) is not None
+        python = value if is_number else _YAML_WORDS.get(value, repr(value))
+        return f'study.with_({{"{key}": {python}}})'
+
+    def argument(option: re.Match[str]) -> str:
+        name, count = option[1], option[2]
+        if name == "set":
+            return "study.with_(...)" + (count or "")
+        if name in ("force", "append"):
+            return f"{name}=True" + (count or "")
+        return f"{name}={count.strip()}" if count else name
+
+    text = _SET.sub(change, text.replace(" with -o", ""))
+    return _OPTION.sub(argument, text)
+
+
+def python_door(function: Callable[P, T]) -> Callable[P, T]:
+    """Return a public function whose faults are in the words of Python; others raise the same with
+    options of the command line."""
+
+    @wraps(function)
+    def door(*given: P.args, **named: P.kwargs) -> T:
+        try:
+            return function(*given, **named)
+        except UserFault as fault:
+            fault.reword(python_words)
+            raise
+
+    return door
 
 
 _KEPT = re.compile(r"([\n\t])")
@@ -240,6 +307,33 @@ class Stream:
         """The same for a progress bar, which moves the cursor: control characters pass."""
         return Stream(self._stream, controls=True)
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Write to a descriptor of its own for the time of a `with`, while descriptor 1 leads
+        nowhere.
+
+        The geometry kernel and the mesher print to descriptor 1, past Python. A stream that is not
+        on descriptor 1 stays as it is.
+        """
+        shared = self._stream
+        if not isinstance(shared, io.TextIOWrapper) or _descriptor(shared) != 1:
+            yield
+            return
+        self.flush()
+        original = os.dup(1)
+        try:
+            with open(os.devnull, "w") as nowhere, _reopened(shared, original) as self._stream:
+                os.dup2(nowhere.fileno(), 1)
+                try:
+                    yield
+                finally:
+                    self.flush()
+                    _flush_c_streams()  # text that a library holds back would come later
+                    os.dup2(original, 1)
+        finally:
+            self._stream = shared
+            os.close(original)
+
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
@@ -253,6 +347,33 @@ class Stream:
             self.lost = self.lost or error
             with suppress(OSError, ValueError, AttributeError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), cast(TextIO, self._stream).fileno())
+
+
+def _descriptor(stream: TextIO) -> int | None:
+    """Return the descriptor of a stream, None for a closed one or one in memory."""
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None
+
+
+def _reopened(stream: io.TextIOWrapper, descriptor: int) -> io.TextIOWrapper:
+    """Return a stream like the given one on a duplicate of another descriptor."""
+    return io.TextIOWrapper(
+        open(os.dup(descriptor), "wb"),
+        encoding=stream.encoding,
+        errors=stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
+
+
+def _flush_c_streams() -> None:
+    """Bring what C and C++ libraries have printed on its way, where the C library can be asked."""
+    import ctypes
+
+    with suppress(OSError, AttributeError, TypeError):
+        ctypes.CDLL(None).fflush(None)
 
 
 @contextmanager

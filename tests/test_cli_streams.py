@@ -1,6 +1,7 @@
 """The command line with streams that are closed, full or without a reader, and with little
 memory."""
 
+import json
 import os
 import subprocess
 import sys
@@ -65,3 +66,42 @@ def test_missing_memory_is_one_line_and_other_errors_are_not_called_that(
     said = capsys.readouterr().err
     assert said.startswith("there is not enough memory; nothing was written")
     assert said.count("\n") == 1
+
+
+NOISY = """body:
+  outline: [{from: [0 mm, 0 mm], edge: bottom}, {from: [200 mm, 0 mm], edge: right},
+            {from: [200 mm, 50 mm], edge: top}, {from: [0 mm, 50 mm], edge: left}]
+  holes: [{circle: {center: [80 mm, 25 mm], radius: 10 mm, edge: h1}},
+          {circle: {center: [100.001 mm, 25 mm], radius: 10 mm, edge: h2}}]
+boundary: {bottom: contact, left: clamped, top: free, h1: free, h2: free,
+           right: {role: traction, g: [2 MPa, 0]}}
+material: {E: 210 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 20 mm}
+"""
+
+
+def test_json_is_one_object_whatever_the_mesher_prints(tmp_path: Path) -> None:
+    """Holes 1 µm apart are meshed at the second attempt; the mesher says so on descriptor 1."""
+    (tmp_path / "noisy.yaml").write_text(NOISY)
+    for words in ("run noisy.yaml --dry-run --json", "run noisy.yaml --json"):
+        result = shell(f"TC {words}", tmp_path)
+        assert (result.returncode, json.loads(result.stdout)["title"]) == (0, "noisy")
+
+
+def test_results_do_not_go_into_a_stream(tmp_path: Path) -> None:
+    """Whatever file the descriptor has: results are renamed into their place."""
+    (tmp_path / "link.nc").symlink_to("/dev/stdout")
+    for name in ("/dev/stdout", "/proc/self/fd/1", "link.nc", "-", "${HOME}/a.nc"):
+        result = shell(f"TC run block.yaml -q --output '{name}' > out.txt", tmp_path)
+        assert (result.returncode, result.stderr.count(b"\n")) == (2, 1), result.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["block.yaml", "link.nc", "out.txt"]
+    assert not (tmp_path / "out.txt").stat().st_size
+
+
+@pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "nonsense"])
+def test_no_backend_of_the_environment_matters(tmp_path: Path, backend: str) -> None:
+    pytest.importorskip("matplotlib")
+    (tmp_path / "coarse.yaml").write_text(COARSE)
+    result = shell(f"MPLBACKEND={backend} TC draw coarse.yaml a.png", tmp_path)
+    assert (result.returncode, result.stderr) == (0, b"")

@@ -70,7 +70,10 @@ def starter(study: Path) -> Path:
     """Write the starter study and, beside it, the schema that its first line names to editors.
     Raises UsageError."""
     from tcstudy.read.schema import TITLE, schema_text
+    from tcstudy.scene.study import shell_name
 
+    if fault := shell_name(str(study)):
+        fail(f"{study} {'; '.join(fault)}")
     schema = study.parent / SCHEMA
     try:
         ours = not schema.exists() or TITLE in schema.read_text(encoding="utf-8", errors="replace")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
+import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -110,13 +110,31 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
     return {name: value for name, _, value in words}
 
 
+def _terminal_width() -> int:
+    """Return $COLUMNS, or the width of the terminal that standard output is, or 0 if it is none.
+
+    shutil.get_terminal_size looks at descriptor 1, which is not standard output while a command
+    runs (`Stream.alone`).
+    """
+    with suppress(ValueError):
+        return max(0, int(os.environ.get("COLUMNS", ""))) or _width_of_output()
+    return _width_of_output()
+
+
+def _width_of_output() -> int:
+    try:
+        return os.get_terminal_size(sys.stdout.fileno()).columns
+    except (OSError, ValueError, AttributeError):  # no terminal, in memory, closed
+        return 0
+
+
 @contextmanager
 def spoken(options: argparse.Namespace) -> Iterator[None]:
     """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and
     --verbose have all."""
     from tcstudy.reports.text import fitting
 
-    width = shutil.get_terminal_size((0, 0)).columns
+    width = _terminal_width()
     with fitting(max(width, NARROWEST) if width and options.manner != "verbose" else None):
         yield
 

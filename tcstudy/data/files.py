@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 import numpy as np
 
 from tcstudy.errors import StoreError, printable, shortened, tell
-from tcstudy.scene.study import Acceptance, Study
+from tcstudy.scene.study import Acceptance, Study, shell_name
 
 if TYPE_CHECKING:
     import netCDF4
@@ -283,10 +283,8 @@ def _fault(path: Path, expected_bytes: int | None) -> str:
     existing = next(p for p in target.parents if p.exists())
     if path.name in ("", "..") or target.is_dir():
         return f"{path} is a directory; give the name of a file in it"
-    if str(path).startswith(
-        "~"
-    ):  # netCDF would write to the home directory, other libraries beside the study
-        return f"{path} begins with ~, which only a shell knows as a home directory; write the directory out"
+    if fault := shell_name(str(path)):  # of which a library would make a file or folder
+        return f"{path} {'; '.join(fault)}"
     if what := special_file(path):
         return f"{path} is {what}, no file; choose another output"
     if not existing.is_dir():
@@ -313,9 +311,31 @@ def _fault(path: Path, expected_bytes: int | None) -> str:
     return ""
 
 
+def _is_stream(path: Path) -> bool:
+    """Return whether a path leads to an open descriptor of a process, as /dev/stdout does.
+
+    Its links must be followed one by one: the last one ends at whatever file the descriptor has.
+    """
+    for _ in range(_MOST_LINKS):
+        folder = os.path.realpath(path.parent)
+        if _DESCRIPTORS.fullmatch(folder):
+            return True
+        if not path.is_symlink():
+            return False
+        path = Path(folder, os.readlink(path))
+    return False
+
+
+_DESCRIPTORS = re.compile(r"/dev/fd|/proc/(\d+|self)(/task/\d+)?/fd")
+_MOST_LINKS = 40
+"""Links in a row that the system follows; longer chains are refused by it."""
+
+
 def special_file(path: Path) -> str:
     """What stands at a path if it is neither a file nor a folder: "a device", …; empty otherwise.
     Raises OSError where symbolic links go in a circle."""
+    if _is_stream(path):
+        return "a stream of a process"
     try:
         mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):

@@ -91,7 +91,7 @@ from tcstudy.shapes.edges import (
     grid,
     inside,
 )
-from tcstudy.shapes.faults import spot
+from tcstudy.shapes.faults import LARGEST, spot
 
 Array = NDArray[np.float64]
 Vector = tuple[Term, Term]
@@ -516,11 +516,12 @@ class Checks:
                 if not isinstance(field, Expression) or (field, symbol) in self._finite:
                     continue
                 self._finite.add((field, symbol))
-                bad = np.flatnonzero(~np.isfinite(field.evaluate(*points.T)))
+                values = field.evaluate(*points.T)
+                bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
                 if len(bad):
-                    what = (
-                        f"{symbol}, derived from it, has no finite value at {spot(points[bad[0]])}"
-                    )
+                    is_finite = np.isfinite(values[bad[0]])
+                    fault = "is too large to compute with" if is_finite else "has no finite value"
+                    what = f"{symbol}, derived from it, {fault} at {spot(points[bad[0]])}"
                     remedy = "give an expression that has its derivatives there, or give the loads"
                     yield (key,), what, remedy
                     return

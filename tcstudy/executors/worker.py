@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from multiprocessing.connection import Connection
 
 import tcstudy.contact.solve  # noqa: F401 which most calls need: imported while the parent makes meshes
@@ -28,6 +29,8 @@ def main() -> None:
         signal.SIGINT, signal.SIG_IGN
     )  # a terminal's Ctrl-C is for the parent, which then ends its workers
     threading.Thread(target=follow, args=(os.getppid(),), daemon=True).start()
+    # as in the parent's terminal: solutions are judged by their residuals
+    warnings.simplefilter("ignore", RuntimeWarning)
     keep_freed_memory()
     line = Connection(int(sys.argv[1]))
     with contextlib.suppress(EOFError, OSError):  # the parent has gone

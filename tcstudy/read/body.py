@@ -482,13 +482,23 @@ def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body)
             points = [_on_edges(body, name) for name in edges] + (
                 [] if section == "boundary" else [inside(body)]
             )
-            if at := _first(expression, np.concatenate(points), -math.inf):
-                what = f"the expression {str(expression)!r} has no finite value at {at}"
-                ctx.at(
-                    root.nearest(section, key),
-                    what,
-                    "change it so that it is finite wherever it is used",
-                )
+            fault = _value_fault(expression, np.concatenate(points))
+            if fault is not None:
+                ctx.at(root.nearest(section, key), *fault)
+
+
+def _value_fault(expression: Expression, points: Array) -> tuple[str, str] | None:
+    """Return what is wrong with the values of an expression at some points, and the remedy."""
+    name = f"the expression {str(expression)!r}"
+    if at := _first(expression, points, -math.inf):
+        remedy = "change it so that it is finite wherever it is used"
+        return f"{name} has no finite value at {at}", remedy
+    values = expression.evaluate(*points.T)
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if largest <= body_faults.LARGEST:
+        return None
+    remedy = "check its numbers and their units"
+    return f"{name} reaches {largest:.3g}, which is too large to compute with", remedy
 
 
 def _first(of: Scalar, points: Array, least: float) -> str:

@@ -29,6 +29,7 @@ from tcstudy.scene.study import (
     Probe,
     Quantity,
     SolverPlan,
+    shell_name,
 )
 from tcstudy.scene.units import LENGTH, LINE_FORCE
 from tcstudy.shapes.edges import body_polygon, body_size, edge_distance
@@ -181,7 +182,9 @@ def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
     given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
     if where := fields["path"]:
         text, path = given["path"], Path(given["path"])
-        if text and (path.name in ("", "..") or text.endswith("/") or text.startswith("~")):
+        if fault := shell_name(text):
+            ctx.at(where, f"{where.brief()!r} {fault[0]}", fault[1])
+        elif text and (path.name in ("", "..") or text.endswith("/")):
             ctx.at(
                 where, f"{where.brief()!r} names no file", "write a name such as results/study.nc"
             )

@@ -20,6 +20,7 @@ solution is kept.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -477,6 +478,21 @@ class Probe:
     name: str
     at: Point
     on_contact: bool = False
+
+
+_SHELL_VARIABLE = re.compile(r"\$(\w+|\{\w+\})")
+
+
+def shell_name(text: str) -> tuple[str, str] | None:
+    """Return what is wrong with the name of an output that only a shell understands, and the
+    remedy."""
+    if text == "-":
+        return "names no file, and results cannot be a stream", "write a name such as results/a.nc"
+    if text.startswith("~"):
+        return "begins with ~, which only a shell knows as a home directory", "write the path out"
+    if variable := _SHELL_VARIABLE.search(text):
+        return f"has {variable[0]}, which only a shell replaces by its value", "write the path out"
+    return None
 
 
 @dataclass(frozen=True)

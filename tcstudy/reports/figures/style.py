@@ -8,8 +8,11 @@ list of open figures are not used at all.
 from __future__ import annotations
 
 import io
+import logging
+import os
 import re
-from contextlib import AbstractContextManager
+import sys
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -168,6 +171,32 @@ def pt(letters: float) -> float:
 
 
 def _matplotlib() -> Any:
+    """Return matplotlib, whatever backend the environment names.
+
+    A backend decides how windows show figures, and pictures are files. matplotlib refuses to be
+    imported where MPLBACKEND names one that is not installed, such as that of a notebook in another
+    virtual environment; such a name is left out. Its advice on a home that cannot be written is
+    not shown.
+    """
+    if "matplotlib" in sys.modules:
+        return _imported()
+    backend = os.environ.pop("MPLBACKEND", None)
+    advice = logging.getLogger("matplotlib")
+    level = advice.level
+    advice.setLevel(logging.ERROR)
+    try:
+        matplotlib = _imported()
+        if backend:
+            with suppress(ValueError):
+                matplotlib.rcParams["backend"] = backend
+    finally:
+        advice.setLevel(level)
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
+    return matplotlib
+
+
+def _imported() -> Any:
     try:
         import matplotlib
     except ImportError as error:
