@@ -3,7 +3,7 @@
     import tcstudy
     study = tcstudy.load("configs/quickstart.yaml", ["mesh.levels=2"])
     result = tcstudy.run(study.with_(friction_delta="60 um"), progress=True)  # a notebook shows answer and picture
-    result["slip_length"]                   # its data, an xarray.DataTree; result["level_1"]["u_T"] by node
+    result["slip_length"]                   # a variable, an xarray.DataArray; result["level_1"]["u_T"] by node
     result.summary, result.draw("a.svg"), result.save("results/coarse.nc")
 
 Studies:  init, load, Study (from_dict, with_, to_yaml), plan, run, converge, cost
@@ -94,4 +94,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)

@@ -16,7 +16,7 @@ from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import UsageError, hint
+from tcstudy.errors import UsageError, hint, python_door
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.results import Result, cached, picture_html, why_again
 from tcstudy.scene import study as records
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tcstudy.study.plan import Plan
 
 Changes = Sequence[str] | Mapping[str, object]
-"""Texts "key=value" as of --set, or values by key."""
+"""Texts "key=value", or values by key."""
 
 
 class Study(records.Study):
@@ -38,6 +38,7 @@ class Study(records.Study):
     """
 
     @classmethod
+    @python_door
     def from_dict(cls, sections: Mapping[str, object], name: str = "<dict>") -> Study:
         """The study of a mapping with the sections and keys of a study file; numbers are SI, texts
         carry their unit.
@@ -47,6 +48,7 @@ class Study(records.Study):
         """
         return _opened(read_study_text(_yaml(sections, flow=False), name))
 
+    @python_door
     def with_(self, changes: Mapping[str, object] | None = None, **named: object) -> Study:
         """Another study with these values in place of its own, read and checked again.
 
@@ -77,6 +79,7 @@ class Study(records.Study):
 
         return _yaml(tree_of(self).plain(), flow=False)
 
+    @python_door
     def __getitem__(self, key: str) -> object:
         """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError
         where there is none."""
@@ -151,6 +154,7 @@ def _plain(value: object) -> object:
     )
 
 
+@python_door
 def init(file: str | FilePath = "study.yaml") -> FilePath:
     """Write a commented starter study and the schema that its first line names; raises UsageError
     if it is there."""
@@ -159,10 +163,11 @@ def init(file: str | FilePath = "study.yaml") -> FilePath:
     return starter(FilePath(file))
 
 
+@python_door
 def load(path: str | FilePath, overrides: Changes = ()) -> Study:
     """Read and check a study file.
 
-    overrides: "key=value" texts as of --set, or values by key, put in before
+    overrides: "key=value" texts, or values by key, put in before
 
     Raises StudyError with all faults of the file, each with its place and remedy.
     """
@@ -173,6 +178,7 @@ def _study(study: records.Study | str | FilePath) -> records.Study:
     return load(study) if isinstance(study, str | FilePath) else study
 
 
+@python_door
 def plan(study: Study | str | FilePath) -> Plan:
     """What a run would do, found out without doing it: points, sizes, what is left out and why.
 
@@ -185,6 +191,7 @@ def plan(study: Study | str | FilePath) -> Plan:
     return forecast(outside_the_sweep(asked) if asked.kind == "path" else asked)
 
 
+@python_door
 def run(
     study: Study | str | FilePath,
     output: str | FilePath | None = None,
@@ -226,6 +233,7 @@ def run(
     return found
 
 
+@python_door
 def converge(
     study: Study | str | FilePath,
     output: str | FilePath | None = None,
@@ -242,6 +250,7 @@ def converge(
     return _result("convergence", _study(study), output, progress, force)
 
 
+@python_door
 def cost(
     study: Study | str | FilePath,
     output: str | FilePath | None = None,
@@ -282,4 +291,4 @@ def _result(
     _, whole, _ = do(kind, study, target, words, why if progress else None, force, **more)
     if whole and kind != "history":  # which warns by itself
         tell_stored(target)
-    return Result(target, "" if whole else why)
+    return Result(target, "" if whole else why, warned=True)

@@ -11,13 +11,14 @@ import base64
 import difflib
 import html
 import os
-from collections.abc import Mapping
-from functools import cached_property
+import tempfile
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import DrawError, GeometryFailed, UsageError
+from tcstudy.errors import DrawError, GeometryFailed, StoreError, UsageError, python_door, tell
 
 if TYPE_CHECKING:
     import pandas
@@ -34,29 +35,52 @@ MOST_CACHED = 2**31
 class Result:
     """What `run`, `converge` or `cost` found: a result file, and its data at the first look.
 
-        result["slip_length"].sel(alpha=100)     # all that an xarray.DataTree can: groups, attrs, items
+        result["slip_length"].sel(alpha=100)     # a variable is an xarray.DataArray
+        result["level_1"]["u_T"]                 # a group is an xarray.DataTree, as result.tree is
         result.summary, result.to_dataframe(), result.draw(), result.save("results/mine.nc")
 
-    file: the netCDF file;  note: what was computed now, and why; empty if the file held everything
+    file:   the netCDF file;  note: what was computed now, and why; empty if the file held everything
+    warned: whether the warnings that the file keeps were given already
     """
 
-    def __init__(self, file: FilePath, note: str = "") -> None:
-        self.file, self.note = file, note
+    def __init__(self, file: FilePath, note: str = "", *, warned: bool = False) -> None:
+        self.file = file
+        self.note = note
+        self.warned = warned
+        self._items: dict[str, Any] = {}
 
     @cached_property
     def tree(self) -> xarray.DataTree:
-        """The data, loaded into memory: a run has its results at the root and a group a level."""
-        with open_results(self.file) as tree:
+        """All data, loaded into memory: a run has its results at the root and a group a level."""
+        with _open_tree(self.file) as tree:
             return tree.load()
 
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """No file stays open."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.tree)
+
+    def __len__(self) -> int:
+        return len(self.tree)
+
     def __getitem__(self, name: str) -> Any:
-        try:
-            return self.tree[name]
-        except KeyError:
-            held = [str(one) for one in (*self.tree.variables, *self.tree.children)]
-            near = difflib.get_close_matches(str(name), held, n=1, cutoff=0.4)
-            meant = f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(held)}"
-            raise KeyError(f"the result has no {name!r}{meant}") from None
+        """A variable or a group, which alone is loaded into memory."""
+        if name in self._items:
+            return self._items[name]
+        with _open_tree(self.file) as tree:
+            try:
+                item = tree[name].load()
+            except KeyError:
+                names = [str(name) for name in (*tree.variables, *tree.children)]
+                near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
+                meant = f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(names)}"
+                raise KeyError(f"the result has no {name!r}{meant}") from None
+        self._items[name] = item
+        return item
 
     def __contains__(self, name: str) -> bool:
         return name in self.tree
@@ -88,13 +112,13 @@ class Result:
         ]
         return data[names].to_dataframe(dim_order=list(dims)).reset_index()
 
+    @python_door
     def save(self, target: str | FilePath, force: bool = False) -> Result:
         """Copy the file under a name of your choice. Raises StoreError where there is another,
         unless force."""
         import shutil
 
         from tcstudy.data.files import check_writable, replace_file
-        from tcstudy.errors import StoreError
 
         target = FilePath(target)
         if faults := check_writable(target):
@@ -104,7 +128,7 @@ class Result:
                 f"{target} is there already; give another name, or force=True to replace it"
             )
         replace_file(target, lambda aside: shutil.copyfile(self.file, aside), sealed=False)
-        return Result(target, self.note)
+        return Result(target, self.note, warned=self.warned)
 
     def draw(self, target: str | FilePath | None = None, **wanted: Any) -> FilePath | Figure:
         """`tcstudy.draw` of this file."""
@@ -152,12 +176,48 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
     key = sha256(
         repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()
     ).hexdigest()
-    folder = os.environ.get("XDG_CACHE_HOME") or FilePath.home() / ".cache"
-    folder = FilePath(os.environ.get("TCSTUDY_CACHE") or FilePath(folder) / "tcstudy")
-    folder.mkdir(parents=True, exist_ok=True)
-    prune(folder)
     stem = study.source.stem if study.source is not None else "study"
-    return folder / f"{stem}-{kind}-{key[:16]}.nc"
+    return cache_folder() / f"{stem}-{kind}-{key[:16]}.nc"
+
+
+def cache_folder() -> FilePath:
+    """Return the folder of results without a name, pruned.
+
+    Where none can be written (a node without a home, a read-only one) it is a temporary one, which
+    goes when Python ends; a StudyWarning says so.
+    """
+    try:
+        folder = _usual_cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except (OSError, RuntimeError) as error:  # RuntimeError: the user has no home
+        reason = getattr(error, "strerror", None) or str(error)
+        tell(
+            [
+                f"the result is kept until Python ends only: its cache folder cannot be written "
+                f"({reason}); name a file, or set TCSTUDY_CACHE to a folder that can be written"
+            ]
+        )
+        return FilePath(_temporary_folder().name)
+    prune(folder)
+    return folder
+
+
+def _usual_cache_folder() -> FilePath:
+    if chosen := os.environ.get("TCSTUDY_CACHE"):
+        return FilePath(chosen)
+    caches = os.environ.get("XDG_CACHE_HOME") or FilePath.home() / ".cache"
+    return FilePath(caches) / "tcstudy"
+
+
+@cache
+def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    """Return the one temporary folder of this process, which is removed when Python ends."""
+    try:
+        return tempfile.TemporaryDirectory(prefix="tcstudy-")
+    except OSError as error:
+        remedy = "name a file, or set TCSTUDY_CACHE to a folder that can be written"
+        raise StoreError(f"there is no folder to keep the result in: {error}; {remedy}") from error
 
 
 def why_again(target: FilePath, study: Study) -> str:
@@ -188,17 +248,36 @@ def _file(of: Result | str | FilePath) -> FilePath:
     return of.file if isinstance(of, Result) else FilePath(of)
 
 
-def open_results(path: str | FilePath) -> xarray.DataTree:
-    """Open a result file of any kind lazily: a run has its results at the root and a group a level.
+@python_door
+def open_results(path: str | FilePath) -> Result:
+    """Return what `run` returns of a result file of any kind; its data are read when they are asked
+    for.
 
-    Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not
-    finished.
+    Raises StoreError if there is none or its run has not finished.
     """
+    with _open_tree(FilePath(path)):
+        return Result(FilePath(path))
+
+
+def _open_tree(path: FilePath) -> xarray.DataTree:
+    """Open the data lazily; kept open beside other readers of the file, netCDF would crash."""
     from tcstudy.data.reading import open_results as open_tree
 
-    return open_tree(FilePath(path))
+    return open_tree(path)
 
 
+def _warn_of(of: Result | str | FilePath) -> None:
+    """Warn of what a file keeps, of a result once: `run` has done it for what it returns."""
+    if isinstance(of, Result):
+        if of.warned:
+            return
+        of.warned = True
+    from tcstudy.data.files import tell_stored
+
+    tell_stored(_file(of))
+
+
+@python_door
 def draw(
     file: Result | Study | str | FilePath, target: str | FilePath | None = None, **wanted: Any
 ) -> FilePath | Figure:
@@ -206,7 +285,8 @@ def draw(
     .pdf file and return its name, or without a name return the figure, which a notebook shows.
     Needs matplotlib.
 
-    at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
+    at:       of a run or its convergence: the point by its labels, {"alpha": 100}; of a run that of
+              the largest slip unless named, else the first
     level:    of a run: mesh level, −1 or nothing for the finest
     y:        of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
     size:     "8x10cm" or (width, height) [inch]
@@ -226,15 +306,18 @@ def draw(
     Parameters that are not drawn have the value that `at` gives them, the first unless named.
     Raises StoreError, DrawError, UsageError.
     """
-    from tcstudy.commands.results import picture
+    from tcstudy.commands.results import SUFFIXES, picture
 
     if wanted.get("ax") is not None and target is not None:
         raise UsageError("ax: your own figure saves itself; leave the file name out")
-    what = _file(file) if isinstance(file, Result | str | FilePath) else file
-    found: Figure = picture(what, None if target is None else FilePath(target), **wanted)
-    return found if target is None else FilePath(target)
+    subject = _file(file) if isinstance(file, Result | str | FilePath) else file
+    figure: Figure = picture(subject, None if target is None else FilePath(target), **wanted)
+    if isinstance(file, Result | str | FilePath) and _file(file).suffix.lower() not in SUFFIXES:
+        _warn_of(file)
+    return figure if target is None else FilePath(target)
 
 
+@python_door
 def report(file: Result | str | FilePath, target: str | FilePath | None = None) -> FilePath:
     """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
 
@@ -243,9 +326,12 @@ def report(file: Result | str | FilePath, target: str | FilePath | None = None) 
     from tcstudy.reports.page.write import write_page
 
     page = FilePath(target) if target is not None else _file(file).with_suffix(".html")
-    return write_page(_file(file), page).path
+    written = write_page(_file(file), page)
+    _warn_of(file)
+    return written.path
 
 
+@python_door
 def export(
     file: Result | str | FilePath,
     form: str,
@@ -266,4 +352,5 @@ def export(
 
     if form not in FORMS:
         raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
+    _warn_of(file)
     return exported(_file(file), form, None if target is None else FilePath(target), at, level)[0]

@@ -7,6 +7,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import tcstudy
+from tcstudy.errors import python_words
 
 PUSHED = {"role": "clamped", "u_x": 0.3, "u_y": 0}
 SECTIONS = {
@@ -60,6 +61,71 @@ def test_a_notebook_needs_no_file_names(study: tcstudy.Study, tmp_path: Path) ->
     assert first.save(tmp_path / "mine.nc").summary == first.summary
     with pytest.raises(tcstudy.StoreError, match="is there already"):
         other.save(tmp_path / "mine.nc")
+
+
+def test_a_result_without_a_home_is_kept_until_python_ends(
+    study: tcstudy.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    points = study.with_(path=None, mesh_levels=1)
+    usual = tcstudy.run(points, jobs=1)
+    monkeypatch.setenv("TCSTUDY_CACHE", str(tmp_path / "file"))
+    with pytest.warns(tcstudy.StudyWarning, match="kept until Python ends only.*TCSTUDY_CACHE"):
+        kept = tcstudy.run(points, jobs=1)
+    assert kept.file.parent not in (usual.file.parent, tmp_path)
+    assert kept["energy"].equals(usual["energy"])
+
+
+def test_a_file_opened_is_what_run_returns(study: tcstudy.Study, tmp_path: Path) -> None:
+    ran = tcstudy.run(study.with_(path=None), tmp_path / "run.nc", jobs=1)
+    with tcstudy.open_results(tmp_path / "run.nc") as opened:
+        assert (type(opened), opened.summary) == (type(ran), ran.summary)
+        assert list(opened) == list(ran)
+        assert opened["level_1"]["u_T"].equals(ran["level_1"]["u_T"])
+
+
+def test_the_picture_is_of_the_point_that_the_answer_names(
+    study: tcstudy.Study, tmp_path: Path
+) -> None:
+    swept = study.with_({"path": None, "sweep": {"boundary.top.u_x": [0.0, 0.4, 0.1]}})
+    result = tcstudy.run(swept.with_(mesh_levels=1), tmp_path / "run.nc", jobs=1)
+    assert "= 0.4" in result.summary
+    for at in (None, {"u_x": 0.4}):
+        result.draw(tmp_path / f"{at is None}.svg", at=at)
+    assert (tmp_path / "True.svg").read_bytes() == (tmp_path / "False.svg").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("fix it by --set sweep=null, or", 'fix it by study.with_({"sweep": None}), or'),
+        ("--set 'mesh={levels: 3}'", """study.with_({"mesh": '{levels: 3}'})"""),
+        ("again with --set output.fields=true to", 'with study.with_({"output.fields": True}) to'),
+        ("give another --output, or --force to", "give another output, or force=True to"),
+        ("run with --jobs 1", "run with jobs=1"),
+        ("write one study for each, or use --set", "or use study.with_(...)"),
+        ("data in results/a--b.nc", "data in results/a--b.nc"),
+    ],
+)
+def test_messages_of_python_name_its_arguments(text: str, words: str) -> None:
+    assert words in python_words(text)
+
+
+def test_faults_of_python_do_not_name_options(study: tcstudy.Study, tmp_path: Path) -> None:
+    with pytest.raises(tcstudy.StudyError, match=r"^mesh\.maxh=-1: mesh\.maxh: ") as bad_value:
+        study.with_(mesh_maxh=-1)
+    points = study.with_(path=None)
+    tcstudy.run(points, tmp_path / "run.nc", jobs=1)
+    with pytest.raises(tcstudy.StoreError, match="force=True") as other_study:
+        tcstudy.run(points.with_(E=2.0), tmp_path / "run.nc")
+    with pytest.raises(tcstudy.ConvergenceError, match="one level") as one_level:
+        tcstudy.converge(points.with_(mesh_levels=1), tmp_path / "errors.nc")
+    for fault in (bad_value, other_study, one_level):
+        assert "--" not in str(fault.value)
+
+
+def test_dir_has_the_public_names() -> None:
+    assert dir(tcstudy) == sorted(tcstudy.__all__)
 
 
 def test_pictures_go_into_axes_of_a_figure(study: tcstudy.Study) -> None:

@@ -61,6 +61,17 @@ def test_every_kind_of_file_keeps_its_warnings_and_python_has_them(
     assert [str(one) for one in remarks_of(tcstudy.open_results(path).attrs)] == first
 
 
+def test_a_result_that_run_returned_warns_no_more(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    study = read_study_text(STUDY.replace("levels: 3", "levels: 1"), "s.yaml")
+    with pytest.warns(tcstudy.StudyWarning, match="P1 elements lock"):
+        result = tcstudy.run(study, tmp_path / "out.nc")
+    opened = tcstudy.open_results(tmp_path / "out.nc")
+    for of, count in ((result, 0), (opened, 1), (opened, 0), (tmp_path / "out.nc", 1)):
+        assert len(told(lambda of=of: tcstudy.draw(of))) == count
+        assert len(told(result._repr_html_)) == 0
+
+
 def test_readers_repeat_them(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(STUDY)
     ran = tcstudy_command("run", "s.yaml", "-q", "--output", "out.nc", cwd=tmp_path)

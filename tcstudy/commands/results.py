@@ -80,11 +80,13 @@ ASKED = (
     ),
     option("picture", type=file_name, nargs="?", metavar="PICTURE", help=_PICTURE),
     STUDY[1],
-    at("which point (may be repeated)"),
+    at("which point (default: of a run that of the largest slip; may be repeated)"),
     *ASKED,
 )
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind, or the scene of a study."""
+    from tcstudy.data.files import tell_stored
+
     target, asked = (
         options.picture,
         {flags[0][2:]: getattr(options, flags[0][2:]) for flags, _ in ASKED},
@@ -99,9 +101,12 @@ def draw(options: argparse.Namespace) -> int:
         if len(asked["map"]) != 2 or not all(asked["map"]):
             fail("--map: name two swept parameters, for example --map alpha,theta_bar")
     try:
-        print(
-            picture(options.file, target, options.overrides, at=point_of(options) or None, **asked)
+        words = picture(
+            options.file, target, options.overrides, at=point_of(options) or None, **asked
         )
+        if options.file.suffix.lower() not in SUFFIXES:
+            tell_stored(options.file)
+        print(words)
     except UsageError as fault:
         fail(f"--{fault}")
     except StudyError:
@@ -270,12 +275,15 @@ def show(options: argparse.Namespace) -> int:
 )
 def report(options: argparse.Namespace) -> int:
     """Make one HTML page of a file of any kind."""
+    from tcstudy.data.files import tell_stored
     from tcstudy.reports.page.write import write_page
 
     target = options.output or options.file.with_suffix(".html")
     if target.suffix.lower() not in (".html", ".htm"):
         fail(f"{target}: a page's name ends in .html; choose such a name")
-    print(write_page(options.file, target).words)
+    written = write_page(options.file, target)
+    tell_stored(options.file)
+    print(written.words)
     return OK
 
 
@@ -305,6 +313,9 @@ def export(options: argparse.Namespace) -> int:
         )
     if options.level is not None and options.form != "vtu":
         fail("--level: a table has all levels; leave it out")
+    from tcstudy.data.files import tell_stored
+
+    tell_stored(options.file)
     target, lines = exported(
         options.file, options.form, options.output, point_of(options), options.level
     )
@@ -316,10 +327,8 @@ def exported(
     file: Path, form: str, target: Path | None, point: Mapping[str, Any] | None, level: int | None
 ) -> tuple[Path, list[str]]:
     """Write a result file in one of FORMS; what was written, and what there is to say of it."""
-    from tcstudy.data.files import tell_stored
     from tcstudy.reports.text import counted
 
-    tell_stored(file)
     target = target or file.with_suffix("" if form == "vtu" else f".{form}")
     if form in TABLES:
         from tcstudy.reports.export import write_table

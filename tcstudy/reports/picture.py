@@ -23,7 +23,14 @@ from tcstudy.errors import StudyError
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.select_point import Value, check_solved, describe, level_number, locate
+from tcstudy.reports.select_point import (
+    Value,
+    check_solved,
+    describe,
+    level_number,
+    locate,
+    of_largest_slip,
+)
 from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.records import Clamped, Edge, Material, Scene
 from tcstudy.scene.study import Study
@@ -208,7 +215,8 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
     """
     with open_results(path) as tree:
         root = tree.to_dataset()
-        where, number = locate(root, point), level_number(root, level)
+        where = locate(root, point) if point else of_largest_slip(root)
+        number = level_number(root, level)
         check_solved(root, where, number)
         words = describe(root, where)
         if GEOMETRIES in root.attrs:

@@ -37,6 +37,20 @@ def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
     return {d: int(i) for d, i in zip(dims, first, strict=True)}
 
 
+def of_largest_slip(data: Any) -> dict[str, int]:
+    """Index along each sweep dimension of the point that the verdict names: that of the largest
+    slip, on the finest level or in any step; of the first one where no point is solved."""
+    dims = sweep_dims(data)
+    slip = data["u_T_max"].where(data["status"] == int(PointStatus.OK))
+    if "level" in slip.dims:
+        slip = slip.isel(level=-1)
+    slips = slip.max([d for d in slip.dims if d not in dims]).transpose(*dims).values
+    if not np.isfinite(slips).any():
+        return dict.fromkeys(dims, 0)
+    place = np.unravel_index(int(np.nanargmax(slips)), slips.shape)
+    return {d: int(i) for d, i in zip(dims, place, strict=True)}
+
+
 def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
     """(points,) those that have all the given labels, in the order of the file. Raises DrawError as
     `locate`."""

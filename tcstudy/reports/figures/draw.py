@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tcstudy.data.files import Kind, attributes, kind_of, reading, remarks_of
 from tcstudy.data.reading import load_root
-from tcstudy.errors import UsageError, tell
+from tcstudy.errors import UsageError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_figure, cost_figure
 from tcstudy.reports.figures.path import draw_history, fit_figure, path_figure
@@ -50,7 +50,6 @@ def drawn(
     make = _maker(kind, asked)
     told = () if size is not None or ax is not None else tuple(f"Warning: {one}" for one in remarks)
     look = style.look_of(size, told, ax, panel)
-    tell(remarks)
     with reading(file), style.styled(look):
         yield *make(file, look, **asked), look
 

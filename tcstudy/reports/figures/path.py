@@ -26,7 +26,7 @@ from tcstudy.reports.figures.panels import (
     place_names,
     scale,
 )
-from tcstudy.reports.select_point import Value, describe, locate
+from tcstudy.reports.select_point import Value, describe, locate, of_largest_slip
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
 from tcstudy.reports.terminal.paths import (
     MOVES,
@@ -230,7 +230,7 @@ def draw_history(
 
     Raises DrawError if the file has no such point or number, or no solved step.
     """
-    where = locate(data.isel(step=0), point)
+    where = locate(data.isel(step=0), point) if point else of_largest_slip(data)
     words, data = describe(data.isel(step=0), where), solved_steps(data.isel(where))
     if not data.sizes["step"]:
         raise DrawError(f"no step of the history was solved: {data['reason'].values.item()}")

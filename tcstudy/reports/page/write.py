@@ -15,7 +15,7 @@ import numpy as np
 from tcstudy.data.files import check_writable, reading, remarks_of, replace_file
 from tcstudy.data.reading import asked, each_point
 from tcstudy.data.tables import MEASURES
-from tcstudy.errors import PageError, tell
+from tcstudy.errors import PageError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
@@ -346,7 +346,6 @@ def write_page(path: Path, target: Path) -> Written:
             f"{', '.join(without) or 'its optional parts'}; split the sweep into several studies"
         )
     replace_file(target, lambda aside: aside.write_bytes(text), sealed=False)
-    tell(remarks_of(stored.data.attrs))
     return Written(target, len(text), tuple(without))
 
 
