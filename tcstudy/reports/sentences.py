@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -110,8 +111,8 @@ LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "y
 HOW = {
     "goal": "mesh error: largest estimated error of the goal",
     "energy": "mesh error: largest estimated error of the displacement in the energy norm",
-    "change": "change of ∫ξ: the largest of all points, of their ∫|ξ|",
-    "no friction": "no friction by which to measure the mesh error",
+    "change": "change: the largest relative one of max |u_T|, energy and ∫ξ (of ∫|ξ|) at all points",
+    "no change": "nothing slips, no friction and no energy by which to measure the mesh error",
     "one mesh": "one mesh says nothing about its own error: add levels",
 }
 """How the mesh error is known, or why there is none."""
@@ -300,9 +301,17 @@ def mesh_error(run: RunSeen) -> tuple[str, str]:
         return _share(float(np.nanmax(estimates[ok])), "mesh error about {}"), HOW["energy"]
     if run.levels < 2 or not ok.any():
         return "", HOW["one mesh"]
-    if (change := _change(run)) is None:
-        return "", HOW["no friction"]
-    return _share(change, "∫ξ changed by {} with the last level"), HOW["change"]
+    change = last_change(run)
+    if change is None:
+        return "", HOW["no change"]
+    if change.share >= 1.0:
+        return f"mesh too coarse for the order of magnitude of {change.symbol}", HOW["change"]
+    at_most = "at most " if ok.size > 1 else ""
+    place = dict(zip(run.dims, change.place, strict=True)) if run.grid else {}
+    labels = run.labelled(place)
+    where = f" (at {', '.join(labels)})" if labels else ""
+    text = f"last refinement changed {change.symbol} by {at_most}{percent(change.share)}{where}"
+    return text, HOW["change"]
 
 
 def _share(error: float, words: str) -> str:
@@ -313,30 +322,90 @@ def _share(error: float, words: str) -> str:
     )
 
 
-def _change(run: RunSeen) -> float | None:
-    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no
-    friction but rounding.
+CHANGED = {"u_T_max": "max |u_T|", "energy": "energy", "friction_resultant": "∫ξ"}
+"""Results whose change by the last refinement is judged, and their symbols."""
+SMALL = 1e-3
+"""Part of the largest value of all points: a smaller value is compared with this part, so that a
+point where next to nothing happens does not decide."""
 
-    |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found
+
+@dataclass(frozen=True)
+class MeshChange:
+    """The largest relative change by the last refinement: of which result, at which point."""
+
+    share: float
+    symbol: str
+    place: tuple[int, ...]
+
+
+def last_change(run: RunSeen) -> MeshChange | None:
+    """Return the largest relative change of max |u_T|, energy and ∫ξ by the last refinement.
+
+    That of ∫ξ is relative to ∫|ξ|. None where all of them are rounding. Equilibrium may fix one of
+    them, so that it alone says nothing of the mesh.
+    """
+    changes = list[MeshChange]()
+    solved_before = run.take("status", -2) == int(PointStatus.OK)
+    for name, result in CHANGED.items():
+        last, before = run.take(name), run.take(name, -2)
+        if last is None or before is None:
+            continue
+        both = run.ok & solved_before & np.isfinite(last) & np.isfinite(before)
+        if not both.any():
+            continue
+        largest = float(np.abs(last[both]).max())
+        size = np.maximum(np.abs(last), SMALL * largest)
+        if name == "u_T_max":
+            both &= np.maximum(np.abs(last), np.abs(before)) > _slip_rounding(run)
+        change = np.where(both, np.abs(last - before), 0.0)
+        share = np.divide(change, size, out=np.zeros_like(change), where=size > 0.0)
+        if name == "friction_resultant":
+            found = _resultant_change(run, both, change, share, largest)
+        else:
+            found = _most(share, both & (size > 0.0))
+        if found is not None:
+            changes.append(MeshChange(found[0], result, found[1]))
+    return max(changes, key=lambda change: change.share, default=None)
+
+
+def _most(share: Array, known: Flags) -> tuple[float, tuple[int, ...]] | None:
+    """Return the largest share of the known points and its place."""
+    if not known.any():
+        return None
+    masked = np.where(known, share, -1.0)
+    place = np.unravel_index(int(np.argmax(masked)), masked.shape)
+    return float(masked[place]), tuple(int(i) for i in place)
+
+
+def _slip_rounding(run: RunSeen) -> Array | float:
+    """Return (*dims) the slip that SAME of the largest shear stress of a point causes at most."""
+    shear, lambda_1 = run.take("shear_max"), run.take("lambda_1")
+    if shear is None or lambda_1 is None:
+        return 0.0
+    known = np.isfinite(shear) & (lambda_1 > 0.0)
+    return np.divide(SAME * shear, lambda_1, out=np.zeros_like(shear), where=known)
+
+
+def _resultant_change(
+    run: RunSeen, both: Flags, change: Array, share: Array, largest: float
+) -> tuple[float, tuple[int, ...]] | None:
+    """Return the largest change of ∫ξ relative to ∫|ξ|, and its place.
+
+    |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than the largest so far
     need be read.
     """
-    last, before = run.take("friction_resultant"), run.take("friction_resultant", -2)
-    if last is None or before is None:
-        return None
-    both = run.ok & (run.take("status", -2) == int(PointStatus.OK))
-    both &= np.isfinite(last) & np.isfinite(before)
-    change, none = np.abs(last - before), SAME * np.abs(last[both]).max(initial=0.0)
-    most = np.divide(
-        change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0
-    )
-    largest: float | None = None
-    for k in np.argsort(-np.where(both, most, -1.0), axis=None)[: both.sum()]:
-        place = tuple(int(i) for i in np.unravel_index(k, most.shape))
-        if largest is not None and most[place] <= largest:
+    most: tuple[float, tuple[int, ...]] | None = None
+    bound = np.where(both, share, -1.0)
+    for k in np.argsort(-bound, axis=None)[: both.sum()]:
+        place = tuple(int(i) for i in np.unravel_index(k, bound.shape))
+        if most is not None and bound[place] <= most[0]:
             break
-        if (size := run.friction(place)) > none:
-            largest = max(largest or 0.0, float(change[place] / size))
-    return largest
+        size = max(run.friction(place), SMALL * largest)
+        if size > SAME * largest:
+            own_share = float(change[place] / size)
+            if most is None or own_share > most[0]:
+                most = own_share, place
+    return most
 
 
 def abrupt(run: RunSeen, several: Flags) -> list[str]:

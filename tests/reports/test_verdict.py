@@ -84,10 +84,21 @@ def test_a_jump_is_said_where_two_solutions_were_seen() -> None:
 @pytest.mark.parametrize(
     ("numbers", "friction", "error", "how"),
     [
-        ({"friction_resultant": [90.0, 100.0]}, 100.0, "∫ξ changed by 10 % with the last level", "change"),
+        ({"friction_resultant": [90.0, 100.0]}, 100.0, "last refinement changed ∫ξ by 10 %", "change"),
         # by symmetry: nothing of nothing
-        ({"friction_resultant": [-3e-12, 1e-12]}, 50.0, "∫ξ changed by 8.0e-14 with the last level", "change"),
-        ({"friction_resultant": [0.0, 0.0]}, 0.0, "", "no friction"),
+        ({"friction_resultant": [-3e-12, 1e-12]}, 50.0, "last refinement changed ∫ξ by 8.0e-14", "change"),
+        ({"friction_resultant": [0.0, 0.0]}, 0.0, "", "no change"),
+        # equilibrium fixes ∫ξ, the slip tells
+        ({"friction_resultant": [50.0, 50.0], "energy": [-9.9, -10.0], "u_T_max": [9.8, 10.0]}, 50.0,
+         "last refinement changed max |u_T| by 2 %", "change"),
+        ({"friction_resultant": [50.0, 50.0], "energy": [-9.5, -10.0], "u_T_max": [9.8, 10.0]}, 50.0,
+         "last refinement changed energy by 5 %", "change"),
+        ({"energy": [-9.5, -10.0], "u_T_max": [1.0, 10.0]}, 0.0, "last refinement changed max |u_T| by 90 %",
+         "change"),
+        ({"u_T_max": [0.0, 10.0]}, 0.0, "mesh too coarse for the order of magnitude of max |u_T|", "change"),
+        # slips that so small a stress causes are rounding
+        ({"energy": [-9.9, -10.0], "u_T_max": [3e-10, 1e-10], "shear_max": [1.0, 1.0], "lambda_1": [2.0, 2.0]}, 0.0,
+         "last refinement changed energy by 1 %", "change"),
         ({"error_estimate": [0.3, 0.26]}, 0.0, "mesh error about 26 %", "energy"),
         ({"error_estimate": [0.3, 1.2]}, 0.0, "mesh too coarse for the order of magnitude", "energy"),
         ({"error_estimate": [0.3, 0.26], "goal": [9.0, 10.0], "goal_estimate": [0.9, 0.5]}, 0.0, "mesh error about 5 %",
@@ -103,7 +114,10 @@ def test_a_mesh_error_is_relative_to_what_there_is(
     assert mesh_error(seen({}, 2, friction, **numbers)) == (error, HOW[how])
 
 
-def test_rounding_where_all_is_debonded_is_no_mesh_error() -> None:
+def test_a_point_where_next_to_nothing_happens_is_no_mesh_error() -> None:
+    """All debonded, ∫ξ is rounding; a slip that begins is compared with the others."""
     run = seen({"theta_bar": [0, 1]}, 2, friction_resultant=[[90.0, 100.0], [1e-13, 3e-13]])
     run.friction = lambda place: [100.0, 4e-13][place[0]]  # type: ignore[method-assign]
-    assert mesh_error(run)[0] == "∫ξ changed by 10 % with the last level"
+    assert mesh_error(run)[0] == "last refinement changed ∫ξ by at most 10 % (at θ̄ = 0 K)"
+    run = seen({"theta_bar": [0, 1]}, 2, u_T_max=[[9.5, 10.0], [0.0, 2e-3]])
+    assert mesh_error(run)[0] == "last refinement changed max |u_T| by at most 20 % (at θ̄ = 1 K)"
