@@ -92,12 +92,14 @@ class Result:
 
     @property
     def summary(self) -> str:
-        """The answer in one sentence, as the terminal and the page say it."""
+        """The labelled lines that the terminal and the page begin with: answer, trust, accuracy,
+        and how much is solved."""
         from tcstudy.data.files import reading
         from tcstudy.reports.terminal.summary import verdict_of
+        from tcstudy.reports.text import labelled
 
         with reading(self.file):
-            return verdict_of(self.file)[0]
+            return labelled(verdict_of(self.file).lines)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to
@@ -146,12 +148,11 @@ class Result:
         from tcstudy.reports.terminal.summary import text_of
 
         picture = picture_html(self)
-        said, below = (
-            html.escape(self.summary),
-            html.escape(f"{self.file}" + (f" ({self.note})" if self.note else "")),
-        )
+        first = html.escape(self.summary)
+        below = html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
         tables = html.escape(text_of(self.file))
-        return f"<p><b>{said}</b></p>{picture}<details><summary>{below}</summary><pre>{tables}</pre></details>"
+        details = f"<details><summary>{below}</summary><pre>{tables}</pre></details>"
+        return f"<pre><b>{first}</b></pre>{picture}{details}"
 
 
 def picture_html(of: Result | Study) -> str:

@@ -45,13 +45,14 @@ def test_run_writes_the_file_and_a_table(
     ran: tuple[Path, Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, result = ran
-    assert "4 of 4 solutions found; data in results/block.nc" in result.stdout
+    assert "  Solved    2 of 2 points, 2 levels; residual ≤" in result.stdout
+    assert "  data in results/block.nc" in result.stdout
     assert "level 1: h_max =" in result.stderr
     wide = tcstudy_command("show", "results/block.nc", cwd=folder).stdout
     assert wide.strip() in result.stdout
     quiet = tcstudy_command("show", "results/block.nc", "-q", cwd=folder)
     assert (quiet.stderr, quiet.stdout.count("\n")) == ("", 1)
-    assert re.match(r"results/block\.nc: Largest slip.*2 of 2 solved", quiet.stdout)
+    assert re.match(r"results/block\.nc: Largest slip.*2 of 2 points", quiet.stdout)
     found = json.loads(tcstudy_command("show", "results/block.nc", "--json", cwd=folder).stdout)
     with tcstudy.open_results(folder / "results" / "block.nc") as tree:
         assert found["values"]["u_T_max"] == tree["u_T_max"].values.tolist()

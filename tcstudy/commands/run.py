@@ -165,23 +165,18 @@ def _made(
     """Make the file, draw what --plot asks for, and say what the file says and where it is."""
     options.kept = KEPT.get(kind, options.kept)
     quiet = options.manner == "quiet"
-    output, whole, there = do(
+    output, _, there = do(
         kind, study, options.output, options.words, None if quiet else "", options.force, **how
     )
     if there and not quiet:
         print(f"{output} {there}", file=sys.stderr, flush=True)
-    asked, failed = failures(output)
     below = [f"data in {output}"]
-    if kind == "run":
-        below = [
-            f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"
-        ]
     if options.plot is not None:
         from tcstudy.commands.results import picture
 
         below.insert(0, str(picture(output, options.plot, at=drawn)))
     shared.say(options, output, ["", *(f"  {line}" for line in below)])
-    return SOME_FAILED if failed else OK
+    return SOME_FAILED if shortfalls(output) else OK
 
 
 def _dry_run(options: argparse.Namespace, study: Study) -> int:
@@ -348,9 +343,9 @@ def what_decides(
     return {"data_sha256": study.fit.sha256} if kind == "fit" and study.fit is not None else {}
 
 
-def failures(output: Path) -> tuple[int, int]:
-    """How many solutions a file was to have, and how many are not as they were asked for: points
-    that failed, histories that ended early, sentences on a path."""
+def shortfalls(output: Path) -> int:
+    """Return how many solutions of a file are not as they were asked for: points that failed,
+    histories that ended early, sentences on a path."""
     import netCDF4
     import numpy as np
 
@@ -359,12 +354,11 @@ def failures(output: Path) -> tuple[int, int]:
 
     with netCDF4.Dataset(output) as nc:
         if "status" not in nc.variables:
-            return 1, len(str(getattr(nc, SHORTFALLS, "")).splitlines())
+            return len(str(getattr(nc, SHORTFALLS, "")).splitlines())
         if "step" in nc.dimensions:
-            return int(nc["reason"].size), int(np.count_nonzero(nc["reason"][...] != ""))
+            return int(np.count_nonzero(nc["reason"][...] != ""))
         status = nc["status"][...]
-        asked = status[status != PointStatus.NOT_RUN]
-        return int(asked.size), int((asked != PointStatus.OK).sum())
+        return int(np.count_nonzero((status != PointStatus.OK) & (status != PointStatus.NOT_RUN)))
 
 
 def outside_the_sweep(study: Study) -> Study:

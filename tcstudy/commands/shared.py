@@ -158,7 +158,7 @@ def say(
         remarks = remarks_of(attributes(path))
         if options.manner == "quiet":
             tell(remarks)
-            print(f"{path}: {verdict_of(path)[0]}")
+            print(f"{path}: {verdict_of(path).sentence}")
         elif options.manner == "json":
             from tcstudy.reports.export import brief, json_text
             from tcstudy.reports.terminal.indices import indices_json

@@ -35,6 +35,12 @@ from tcstudy.scene.points import law_regions
 from tcstudy.scene.records import Clamped, Contact, Free
 from tcstudy.scene.study import START_NAMES, Goal, Sensitivity, Study
 
+UNPROVED_BRANCHES, OPEN_LOOP = (
+    "the branches are not proved to be all",
+    "the hysteresis loop is not whole",
+)
+"""How those shortfalls of a path begin that leave its own solutions complete."""
+
 
 class PointStatus(IntEnum):
     """Status of a sweep point in the data (CF status_flag). Anything but OK carries a reason."""

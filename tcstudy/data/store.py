@@ -50,7 +50,7 @@ from tcstudy.data.schema import (
     missing,
 )
 from tcstudy.data.tables import axis_names
-from tcstudy.scene.points import distinct
+from tcstudy.scene.points import distinct, load_axes
 from tcstudy.scene.records import BODY
 from tcstudy.scene.study import Axis, Study
 
@@ -62,6 +62,9 @@ if TYPE_CHECKING:
 Places = NDArray[np.intp]
 GEOMETRIES = "geometries"
 """Global attribute of a file of a sweep over geometries: how many it has."""
+BRANCH, SWEPT_LOADS = "solver_branch", "swept_loads"
+"""Global attributes of a run: which solution is stored; coordinates along which only loads
+change."""
 _GEOMETRY = re.compile(r"/geometry_\d+")
 _WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
 NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), _WHAT)
@@ -337,8 +340,11 @@ def write(
         )
         done()
 
-    number = {GEOMETRIES: len(study.variants)} if study.variants else {}
-    write_dataset(path, {**whole.attributes, **number}, make, KEPT)
+    of_run: dict[str, Any] = {GEOMETRIES: len(study.variants)} if study.variants else {}
+    names = axis_names(study.axes) if study.axes else ()
+    swept_loads = " ".join(names[d] for d in load_axes(study))
+    of_run |= {BRANCH: study.solver.branch, SWEPT_LOADS: swept_loads}
+    write_dataset(path, {**whole.attributes, **of_run}, make, KEPT)
     return counts[0]
 
 

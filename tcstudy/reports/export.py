@@ -428,8 +428,8 @@ def _cells(one: Any, shape: Mapping[str, int], kept: Any) -> Any:
 
 
 def brief(path: Path) -> dict[str, Json]:
-    """The object that --json prints; its `verdict` is the sentence of --quiet. Raises
-    StoreError."""
+    """Return the object that --json prints; its `verdict` has the labelled lines of the terminal,
+    by label. Raises StoreError."""
     kind, data = kind_of(path), load_root(path)
     told = {
         name: plain(value) for name, value in data.attrs.items() if name not in ("title", WARNINGS)
@@ -441,7 +441,7 @@ def brief(path: Path) -> dict[str, Json]:
         "file": str(path),
         "title": str(data.attrs["title"]),
         "warnings": [*map(asdict, remarks_of(data.attrs))],
-        "verdict": verdict_of(path)[0],
+        "verdict": {label: list(facts) for label, facts in verdict_of(path).fields.items()},
         "attributes": told,
         "units": {
             name: str(one.attrs["units"]) for name, one in values.items() if "units" in one.attrs

@@ -9,15 +9,27 @@ levels.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import OF_POLYGON, OWN_POINT, UNBALANCED, PointStatus
-from tcstudy.reports.text import number, pretty, scaled_labels, with_unit
+from tcstudy.data.store import BRANCH, SWEPT_LOADS
+from tcstudy.reports.text import (
+    PROOFS,
+    Failure,
+    Verdict,
+    between,
+    counted,
+    failure_kinds,
+    number,
+    pretty,
+    scaled_labels,
+    with_unit,
+)
 from tcstudy.scene.keys import symbol
 
 Array = NDArray[np.float64]
@@ -74,30 +86,16 @@ def percent(share: float) -> str:
     )
 
 
-def sentence_of(lines: Iterable[tuple[str, str]]) -> str:
-    """Return labelled lines as running text: one sentence for all lines of a label."""
-    texts = dict[str, list[str]]()
-    for label, text in lines:
-        texts.setdefault(label, []).append(text)
-    return answered(*texts.values())
+def slip_lengths(spans: Mapping[str, tuple[float, float]], units: str) -> str:
+    """Return on how much of the contact line it slips, has debonded, …: "slip length 2 to 9 mm".
 
-
-def answered(*sentences: Iterable[str]) -> str:
-    """What came out, how far it is to be trusted, how much of it there is: each a sentence of its
-    parts."""
-    told = ["; ".join(filter(None, parts)) for parts in sentences]
-    return " ".join(f"{one[0].upper()}{one[1:]}." for one in told if one)
-
-
-def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
-    """The largest slip and where it is, and on how much of the contact line what happens.
-
-    lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty
-    least is 0
+    spans: name of the length → least and largest of all points [units]
     """
-    spans = [f"{what} on {f'lengths of {low} to {high}' if low and low != high else high if low else f'up to {high}'}"
-             for what, (low, high) in lengths.items()]  # fmt: skip
-    return ", ".join([f"largest slip {slip}{at}", *spans])
+    texts = list[str]()
+    for name, (low, high) in spans.items():
+        length = between(low, high, units, 3) if low > 0.0 else f"up to {with_unit(high, units, 3)}"
+        texts.append(f"{name} length {length}")
+    return ", ".join(texts)
 
 
 # -- runs
@@ -106,14 +104,14 @@ def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
 FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
 """A step is abrupt where a line has so many points, it is so many times the median of the others
 and so large a part of the largest value of the whole line."""
-LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "yielded": "yielded"}
-"""Lengths of the contact line of which the sentence speaks, by what happens there."""
+LENGTHS = ("slip", "debonded", "softening", "yielded")
+"""Lengths of the contact line of which a verdict speaks, by what happens there."""
 HOW = {
     "goal": "mesh error: largest estimated error of the goal",
     "energy": "mesh error: largest estimated error of the displacement in the energy norm",
     "change": "change: the largest relative one of max |u_T|, energy and ∫ξ (of ∫|ξ|) at all points",
-    "no change": "nothing slips, no friction and no energy by which to measure the mesh error",
-    "one mesh": "one mesh says nothing about its own error: add levels",
+    "no change": "not estimated: nothing slips, no friction and no energy to compare",
+    "one mesh": "not estimated: one mesh",
 }
 """How the mesh error is known, or why there is none."""
 
@@ -133,7 +131,8 @@ class RunSeen:
         )
         self.dims = tuple(dim for dim in nc["status"].dimensions if dim != "level")
         self.units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
-        self.ok: Flags = np.asarray(self.take("status") == int(PointStatus.OK))
+        self.status = np.asarray(self.take("status"))
+        self.ok: Flags = self.status == int(PointStatus.OK)
 
     def take(self, name: str, level: int = -1) -> NDArray[Any] | None:
         """(*dims, …) values of a variable on one level, counted from the end; None if the file has
@@ -146,6 +145,23 @@ class RunSeen:
         """(*dims) which solved points have a flag."""
         values = self.take(name)
         return self.ok & (values == 1) if values is not None else np.zeros_like(self.ok)
+
+    def failures(self) -> list[Failure]:
+        """Return the failures of all levels by their cause, the most frequent first."""
+        status = np.asarray(self.nc["status"][...])
+        failed = (status != int(PointStatus.OK)) & (status != int(PointStatus.NOT_RUN))
+        if not failed.any():
+            return []
+        reasons, rows = self.nc["reason"][...], list[tuple[PointStatus, str, str, int]]()
+        points = np.arange(self.ok.size).reshape(self.ok.shape)
+        for *place, level in np.argwhere(failed):
+            where = dict(zip(self.dims, (int(i) for i in place), strict=True))
+            words = ", ".join(self.labelled(where)) if self.grid else ""
+            at = (*place, level)
+            rows.append(
+                (PointStatus(int(status[at])), str(reasons[at]), words, int(points[tuple(place)]))
+            )
+        return failure_kinds(rows)
 
     def friction(self, place: tuple[int, ...]) -> float:
         """∫|ξ| on the last level at a point."""
@@ -175,70 +191,167 @@ class RunSeen:
         return found
 
 
-def run_verdict(nc: Any) -> tuple[str, str, bool]:
-    """The sentence of a run's open file, how the mesh error in it is known, and whether all points
-    are solved."""
+CLASSES = {"unique": "unique", "global": "global minimum", "local": "local minimum"}
+"""By `text.PROOFS`: names of the classes into which solutions fall by the strongest proof."""
+UNPROVED = "without certificate"
+
+
+def proof_classes(flags: Mapping[str, Flags], solved: Flags) -> str:
+    """Return how many of the solved points or steps have which strongest proof; the counts add up.
+
+    flags: by the names of `text.PROOFS`
+    """
+    remaining, counts = solved.copy(), dict[str, int]()
+    for name, word in PROOFS:
+        counts[CLASSES[word]] = int((remaining & flags[name]).sum())
+        remaining &= ~flags[name]
+    counts[UNPROVED] = int(remaining.sum())
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+
+
+def run_verdict(nc: Any) -> Verdict:
+    """Return what the open file of a run says first."""
     run = RunSeen(nc)
-    ok, total, solved = run.ok, int(run.ok.size), int(run.ok.sum())
-    unique, least = run.flag("unique"), int(run.flag("global_minimum").sum())
-    trust = [f"{unique.sum()} proved unique" if unique.any() else "none proved unique"]
-    trust += [f"{least} proved to have the least energy"] if least > unique.sum() else []
-    if (body := run.take("proved_unique")) is not None:
-        trust.append(f"{int((ok & (body == 1)).sum())} of them for the body itself")
-    if (bound := run.take("error_bound_relative")) is not None:
-        most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
-        trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
-    count, complete = run.take("solutions"), run.take("complete")
-    trust += (
-        [all_equilibria(count[ok], complete[ok])]
-        if count is not None and complete is not None
-        else []
+    failures = run.failures()
+    not_run = int(np.count_nonzero(run.status == int(PointStatus.NOT_RUN)))
+    verdict = Verdict(
+        answer=("no point is solved",),
+        solved=_solved(run, failures, not_run),
+        **failure_fields(failures),
+        complete=not failures and not not_run,
     )
+    if not run.ok.any():
+        return verdict
+    unique = run.flag("unique")
     ambiguous = several_found(run, unique)
-    trust += (
-        [f"{int(ambiguous.sum())} with more than one solution found"] if ambiguous.any() else []
+    return replace(
+        verdict,
+        answer=(*_answer(run), *abrupt(run, ambiguous)[:2]),
+        trust=_trust(run, unique, ambiguous),
+        accuracy=_accuracy(run),
     )
+
+
+def failure_fields(failures: Sequence[Failure]) -> dict[str, tuple[str, ...]]:
+    """Return the labels `reason` and `fix` of a verdict: those of the most frequent failure."""
+    if not failures:
+        return {}
+    most = failures[0]
+    return {"reason": (most.cause,), "fix": (most.remedy,)}
+
+
+def _solved(run: RunSeen, failures: Sequence[Failure], not_run: int) -> tuple[str, ...]:
+    """Return how many points are solved, on how many levels, and the largest residual."""
+    total, solved = int(run.ok.size), int(run.ok.sum())
+    text = f"{solved} of {counted(total, 'point')}"
+    if run.levels > 1:
+        text += f", {run.levels} levels"
+    failed = len({point for failure in failures for point in failure.points})
+    unsolved = [f"; {failed} failed" if failed else ""]
+    if failed > total - solved - not_run:
+        unsolved.append(f", {failed + solved + not_run - total} on coarser levels only")
+    unsolved.append(f"; {not_run} not run" if not_run else "")
+    residual = run.take("inclusion_residual")
+    known = residual[run.ok & np.isfinite(residual)] if residual is not None else np.zeros(0)
+    if known.size:
+        unsolved.append(f"; residual ≤ {number(float(known.max()), 2)}")
+    return (text + "".join(unsolved),)
+
+
+def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
+    """Return what is proved of the solutions of the finest level, and what speaks against them."""
+    flags = {name: run.flag(name) for name, _ in PROOFS}
+    facts = [f"{proof_classes(flags, run.ok)} (this mesh)"]
+    if (body := run.take("proved_unique")) is not None:
+        of_body = int((run.ok & (body == 1)).sum())
+        facts.append(f"{of_body} of {int(unique.sum())} unique for the body itself")
+    count, complete = run.take("solutions"), run.take("complete")
+    if count is not None and complete is not None:
+        facts.append(all_equilibria(count[run.ok], complete[run.ok]))
+    if ambiguous.any():
+        points = counted(int(ambiguous.sum()), "point")
+        facts.append(f"several solutions found at {points}")
+    facts += no_loading_curve(run, ambiguous)
+    if "heat_status" in run.nc.variables:
+        missed = np.count_nonzero(run.nc["heat_status"][...] == UNBALANCED)
+        facts.append(f"heat balance missed at {missed}" if missed else "")
+    return tuple(filter(None, facts))
+
+
+FOLLOW_LOADING = "to follow the loading, take solver.branch: continued or path:"
+
+
+def no_loading_curve(run: RunSeen, ambiguous: Flags) -> list[str]:
+    """Return that a sweep of loads is not what a body does that is loaded from rest; empty where
+    nothing shows that it is not.
+
+    With `branch: lowest` the stored solution leaves the branch from rest where another one has
+    less energy, long before the fold at which a loaded body leaves it.
+    """
+    if run.nc.__dict__.get(BRANCH, "") != "lowest" or not ambiguous.any():
+        return []
+    names = run.nc.__dict__.get(SWEPT_LOADS, "").split()
+    if not names:
+        return []
+    loads = " and ".join(symbol(name) for name in names)
+    if (energy := run.take("start_energy")) is not None and from_rest_left(energy, ambiguous):
+        return [f"not the loading curve over {loads}, but the least energy; {FOLLOW_LOADING}"]
+    return [f"the least energy need not be the loading curve over {loads}; {FOLLOW_LOADING}"]
+
+
+def from_rest_left(energy: Array, ambiguous: Flags) -> bool:
+    """Return whether somewhere the solution of least energy is not that which descent from zero,
+    the first of the starts (…, s), leads to."""
+    size = np.nanmax(np.abs(energy), axis=-1)
+    with np.errstate(invalid="ignore"):
+        above = energy[..., 0] - np.nanmin(energy, axis=-1) > SAME * size
+    return bool(np.any(above & ambiguous))
+
+
+def _accuracy(run: RunSeen) -> tuple[str, ...]:
+    """Return how large the error of the mesh is, as far as that is known."""
     error, how = mesh_error(run)
-    stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
-    trust += [error, stop.partition(":")[0] if " not met:" in stop else ""]
-    bad = (
-        np.count_nonzero(nc["heat_status"][...] == UNBALANCED)
-        if "heat_status" in nc.variables
-        else 0
-    )
-    trust += [f"heat balance missed at {bad}"] if bad else []
-    answer = [_answer(run), *abrupt(run, ambiguous)[:2]]
-    known = [", ".join(filter(None, trust))] if solved else []
-    return answered(answer, known, [f"{solved} of {total} solved"]), how, solved == total
+    facts = [error]
+    if not error or how in (HOW["goal"], HOW["energy"]):
+        facts.append(how)
+    if (bound := run.take("error_bound_relative")) is not None:
+        largest = float(np.max(bound[run.ok], initial=0.0))  # NaN where one point has none
+        if 0.0 < largest < 1.0:
+            facts.append(f"error of u proved to be at most {percent(largest)}")
+    stop = str(run.nc["stop"][-1]) if "stop" in run.nc.variables else ""
+    if " not met:" in stop:
+        facts.append(stop.partition(":")[0])
+    return tuple(filter(None, facts))
 
 
-def _answer(run: RunSeen) -> str:
-    """The largest slip with its point, and the lengths on which the line slips, has debonded,
-    softens or yields."""
+def _answer(run: RunSeen) -> tuple[str, ...]:
+    """Return the largest slip with its point, and the lengths on which the line slips, has
+    debonded, softens or yields."""
     slip, ok = run.take("u_T_max"), run.ok
-    if slip is None or not ok.any():
-        return ""
+    if slip is None:
+        return ()
     most = np.unravel_index(int(np.argmax(np.where(ok, slip, -1.0))), ok.shape)
     if slip[most] == 0.0:
-        return "nothing slips"
-    lengths = dict[str, tuple[str, str]]()
-    for name, what in LENGTHS.items():
-        if ok.size > 1 and name in ("softening", "yielded") and (name == "softening" or lengths):
+        return ("nothing slips",)
+    spans = dict[str, tuple[float, float]]()
+    for name in LENGTHS:
+        if ok.size > 1 and name in ("softening", "yielded") and (name == "softening" or spans):
             continue  # of a sweep the least that says it
-        own = run.take(f"{name}_length")
-        if own is not None and (known := own[ok & np.isfinite(own)]).size and known.max() > 0.0:
-            low, high = (with_unit(float(x), run.units, 3) for x in (known.min(), known.max()))
-            lengths[what] = (low if known.min() > 0.0 else "", high)
+        length = run.take(f"{name}_length")
+        if length is None:
+            continue
+        known = length[ok & np.isfinite(length)]
+        if known.size and known.max() > 0.0:
+            spans[name] = float(known.min()), float(known.max())
     place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.grid else {}
     words = ", ".join(run.labelled(place))
-    told = slipped(
-        with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths
-    )
+    largest = f"largest slip {with_unit(float(slip[most]), run.units)}"
+    facts = [f"{largest} at {words}" if words else largest, slip_lengths(spans, run.units)]
     shear, at = run.take("shear_max"), run.take("shear_max_at")
-    if ok.size > 1 or shear is None or at is None:
-        return told
-    stress = "1" if run.units == "1" else "Pa"
-    return f"{told}, largest shear {with_unit(shear.item(), stress)} at s = {with_unit(at.item(), run.units)}"
+    if ok.size == 1 and shear is not None and at is not None:
+        stress = with_unit(shear.item(), "1" if run.units == "1" else "Pa")
+        facts.append(f"largest shear {stress} at s = {with_unit(at.item(), run.units)}")
+    return tuple(filter(None, facts))
 
 
 def several_found(run: RunSeen, unique: Flags) -> Flags:
@@ -597,5 +710,5 @@ KINDS = {
 
 WHOLE = "all branches of equilibria in the range are proved to be known"
 """Said of a path with every branch."""
-CONNECTED = "other paths may exist that are not connected to it"
-"""Said of every path."""
+CONNECTED = "the connected branch only; other branches are not excluded"
+"""Said of every other path."""

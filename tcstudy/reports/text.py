@@ -129,6 +129,14 @@ def with_unit(value: float, units: str, digits: int = 4) -> str:
     return f"{number(float(value) / divisor, digits)} {pretty(unit)}".rstrip()
 
 
+def between(low: float, high: float, units: str, digits: int = 4) -> str:
+    """Return a range in one unit, that of its larger end: "2.88 to 200 mm"; one number where both
+    read the same."""
+    divisor, unit = prefix([max(abs(low), abs(high))], units)
+    ends = [number(float(end) / divisor, digits) for end in (low, high)]
+    return f"{' to '.join(dict.fromkeys(ends))} {pretty(unit)}".rstrip()
+
+
 def headed(name: str, unit: str) -> str:
     """The heading of a column, with its unit if there is one."""
     return f"{name} [{pretty(unit)}]" if pretty(unit) else name
@@ -208,27 +216,52 @@ def named(status: PointStatus) -> str:
     return status.name.lower().replace("_", " ")
 
 
-def failure_lines(failures: Iterable[tuple[PointStatus, str, str]]) -> list[str]:
-    """One line for each kind of failure: count, status, reason with the ranges of its numbers, a
-    point, a remedy.
+@dataclass(frozen=True)
+class Failure:
+    """Failures of one kind.
 
-    failures: (status, reason as stored, the point in words)
+    cause:  status and reason, with the ranges of its numbers, and a point;  remedy: empty if none is known
+    points: numbers of the points that failed like this
     """
-    groups: dict[tuple[PointStatus, str], list[tuple[str, str]]] = {}
-    for status, reason, point in failures:
-        groups.setdefault(kind(status, reason), []).append((without_paths(reason), point))
-    lines = []
-    for (status, _), group in sorted(groups.items(), key=lambda item: -len(item[1])):
-        what = ranged([reason for reason, _ in group]).rstrip(". ")
-        what = "" if what == named(status) else what
-        # reasons of the house end in their own remedy after a semicolon; an unexpected exception
-        # has none
-        if status in _REMEDIES and (";" not in what or status == PointStatus.ERROR):
-            what = "; ".join(filter(None, (what, _REMEDIES[status])))
-        example = f"{'for example ' * (len(group) > 1)}{group[0][1]}"
-        lines.append(
-            f"{counted(len(group), 'solution')} failed: {named(status)}: {what} ({example})"
-        )
+
+    cause: str
+    remedy: str
+    points: tuple[int, ...]
+
+
+def failure_kinds(failures: Iterable[tuple[PointStatus, str, str, int]]) -> list[Failure]:
+    """Return the failures by their kind, the most frequent first.
+
+    failures: (status, reason as stored, the point in words, its number), a row for each solution
+    """
+    groups: dict[tuple[PointStatus, str], list[tuple[str, str, int]]] = {}
+    for status, reason, words, point in failures:
+        row = without_paths(reason), words, point
+        groups.setdefault(kind(status, reason), []).append(row)
+    kinds = list[Failure]()
+    for (status, _), rows in groups.items():
+        reason = ranged([text for text, _, _ in rows]).rstrip(". ")
+        cause, _, remedy = reason.partition("; ")
+        # a reason of the house ends in its own remedy, an unexpected exception has none
+        if status in _REMEDIES and (not remedy or status == PointStatus.ERROR):
+            cause, remedy = reason, _REMEDIES[status]
+        cause = named(status) if cause in ("", named(status)) else f"{named(status)}: {cause}"
+        points = tuple(dict.fromkeys(point for _, _, point in rows))
+        if words := rows[0][1]:
+            cause += f" ({'for example ' if len(rows) > 1 else ''}{words})"
+        kinds.append(Failure(cause, remedy, points))
+    return sorted(kinds, key=lambda kind: -len(kind.points))
+
+
+def failure_lines(
+    failures: Iterable[tuple[PointStatus, str, str, int]], noun: str = "point"
+) -> list[str]:
+    """Return one line for each kind of failure: how many points, the cause, the remedy."""
+    lines = list[str]()
+    for failure in failure_kinds(failures):
+        points = counted(len(failure.points), noun)
+        remedy = f"; {failure.remedy}" if failure.remedy else ""
+        lines.append(f"{points} failed: {failure.cause}{remedy}")
     return lines
 
 
@@ -305,7 +338,62 @@ class Heading:
     level: int = 2
 
 
-Part = Table | Heading | str
+@dataclass(frozen=True)
+class Verdict:
+    """What a result file says first: a few facts under each label, each fact a line.
+
+    complete: whether the file has everything that was asked for; where it has a reason why not,
+              `solved` comes first
+    """
+
+    answer: tuple[str, ...] = ()
+    cycles: tuple[str, ...] = ()
+    trust: tuple[str, ...] = ()
+    accuracy: tuple[str, ...] = ()
+    solved: tuple[str, ...] = ()
+    reason: tuple[str, ...] = ()
+    fix: tuple[str, ...] = ()
+    complete: bool = True
+
+    @classmethod
+    def of_lines(cls, lines: Iterable[tuple[str, str]], complete: bool = True) -> Verdict:
+        """Return the verdict of lines (label, text)."""
+        facts = dict[str, tuple[str, ...]]()
+        for label, text in lines:
+            facts[label.lower()] = (*facts.get(label.lower(), ()), text)
+        return cls(**facts, complete=complete)
+
+    @property
+    def fields(self) -> dict[str, tuple[str, ...]]:
+        """The facts by label, in the order in which they are read; labels without a fact are left
+        out."""
+        first = ("solved", "reason", "fix") if any(self.reason) else ()
+        labels = dict.fromkeys((*first, *VERDICT_LABELS))
+        facts = {label: tuple(filter(None, getattr(self, label))) for label in labels}
+        return {label: texts for label, texts in facts.items() if texts}
+
+    @property
+    def lines(self) -> list[tuple[str, str]]:
+        """Return the facts with their labels, for `labelled`."""
+        rows = self.fields.items()
+        return [(label.capitalize(), fact) for label, facts in rows for fact in facts]
+
+    @property
+    def sentence(self) -> str:
+        """The same in one line, a sentence for each label."""
+        return answered(*self.fields.values())
+
+
+VERDICT_LABELS = ("answer", "cycles", "trust", "accuracy", "solved", "reason", "fix")
+
+
+def answered(*sentences: Iterable[str]) -> str:
+    """Return sentences of the parts that are not empty, each with a capital and a full stop."""
+    texts = ["; ".join(filter(None, parts)) for parts in sentences]
+    return " ".join(f"{text[0].upper()}{text[1:]}." for text in texts if text)
+
+
+Part = Table | Heading | Verdict | str
 
 _WORDS = re.compile(r" *[^ ─]+(?: [^ ]+)+$")
 """A line of words; columns of a table are two spaces or more apart."""
@@ -333,6 +421,8 @@ def render(parts: Iterable[Part]) -> str:
 def _text(part: Part) -> str:
     if isinstance(part, Heading):
         return part.text if part.level == 1 else f"{part.text}\n{'─' * len(part.text)}"
+    if isinstance(part, Verdict):
+        return labelled(part.lines)
     if isinstance(part, str):
         block = part.startswith("  ")
         return wrapped(part) if block else _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")

@@ -19,7 +19,7 @@ from tcstudy.expressions.expression import Expression, is_linear
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP
-from tcstudy.scene.records import Body, Scene
+from tcstudy.scene.records import Body, Boundary, Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -154,6 +154,42 @@ def of_stiffness(scenes: Sequence[Scene]) -> tuple[str, ...]:
     return ("material", "boundary") if springs else ("material",)
 
 
+LOADS = ("boundary", "f", "heat")
+"""Sections that hold the loads of a scene, the first also its supports."""
+
+
+def load_axes(study: Study) -> tuple[int, ...]:
+    """Return the numbers of the numeric axes of a grid along which nothing but loads changes:
+    forces, prescribed displacements, temperatures."""
+    if study.mode != "grid" or not study.scenes:
+        return ()
+    scenes = Scenes.of(study.scenes)
+    fixed = [scenes.which[section] for section in SECTIONS if section not in LOADS]
+    supports = dict[object, int]()
+    of_boundary = np.array(
+        [supports.setdefault(_support(one), len(supports)) for one in scenes.records["boundary"]]
+    )
+    fixed.append(of_boundary[scenes.which["boundary"]])
+    return tuple(
+        d
+        for d, axis in enumerate(study.axes)
+        if len(axis.labels) > 1
+        and not any(isinstance(label, str) for label in axis.labels)
+        and all(_constant(which.reshape(study.shape), d) for which in fixed)
+    )
+
+
+def _support(boundary: Boundary) -> tuple[object, ...]:
+    """Return what of a boundary decides the stiffness of its body: roles, held components, springs."""
+    edges = ((name, role.word, role.frame, role.spring, role.u) for name, role in boundary)
+    return tuple((*about, tuple(x is None for x in u)) for *about, u in edges)
+
+
+def _constant(values: NDArray[Any], axis: int) -> bool:
+    """Return whether values do not change along an axis."""
+    return bool(np.all(values == values.take([0], axis=axis)))
+
+
 THERMAL = ("heat", "material")
 """Sections of which a scene may need only a part."""
 FELT = ("boundary", *THERMAL)
@@ -207,7 +243,7 @@ def idle_notes(study: Study) -> list[str]:
         of
     ]
     points, why = alike.reshape(study.shape), why_no_heat(study.scenes)
-    idle = [axis for d, axis in thermal if np.all(points == points.take([0], axis=d))]
+    idle = [axis for d, axis in thermal if _constant(points, d)]
     return [
         f"{one.name} changes nothing ({why}): its {len(one.labels)} values give equal solutions"
         for one in idle

@@ -38,6 +38,7 @@ from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import TIE, solve_contact
 from tcstudy.data.files import SHORTFALLS, Remark, tell
 from tcstudy.data.records import Record
+from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.laws.composed import piecewise_linear
@@ -400,10 +401,10 @@ def shortfalls(study: Study, record: Record) -> list[str]:
             f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual"
         )
     if told.get("complete_reason"):
-        found.append(f"the branches are not proved to be all: {told['complete_reason']}")
+        found.append(f"{UNPROVED_BRANCHES}: {told['complete_reason']}")
     if study.path.hysteresis and not (values["loop_complete"] and values["loop_closed"]):
         why = (
             told["loop_reason"] if not values["loop_complete"] else "it does not end where it began"
         )
-        found.append(f"the hysteresis loop is not whole: {why}")
+        found.append(f"{OPEN_LOOP}: {why}")
     return found

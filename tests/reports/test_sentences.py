@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.reports import sentences as said
+from tcstudy.reports.text import answered
 
 NAN = float("nan")
 
@@ -13,7 +14,7 @@ NAN = float("nan")
     [
         (said.order(1.234, 0.05), "1.23 ± 0.05"),
         (said.order(1.234, NAN), "1.23?"),
-        (said.answered(["peak 2 MPa", "", "3 equilibria"], ["residual 1e-15"], []),
+        (answered(["peak 2 MPa", "", "3 equilibria"], ["residual 1e-15"], []),
          "Peak 2 MPa; 3 equilibria. Residual 1e-15."),
     ],
 )  # fmt: skip

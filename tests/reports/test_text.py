@@ -44,32 +44,36 @@ def test_the_unit_of_a_column_does_not_follow_rounding() -> None:
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR
 
 
-def missed(residual: str, point: str) -> tuple[PointStatus, str, str]:
-    return (BAD, f"residual {residual} after 30 steps; raise solver.tolerance", point)
+def missed(residual: str, words: str, point: int) -> tuple[PointStatus, str, str, int]:
+    return (BAD, f"residual {residual} after 30 steps; raise solver.tolerance", words, point)
 
 
 def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first() -> None:
-    failures = [(BAD, f"the limit of {many} is reached; allow more", "b") for many in (300, 400)]
-    failures += [(ERROR, "residual 1 after 30 steps; raise solver.tolerance", "a")]
-    failures += [missed("2e-07", "d"), missed("3.0e-09", "e"), missed("4e-8", "f")]
+    limit = "the limit of {} is reached; allow more"
+    failures = [(BAD, limit.format(300), "b", 1), (BAD, limit.format(400), "c", 2)]
+    failures += [(ERROR, "residual 1 after 30 steps; raise solver.tolerance", "a", 0)]
+    failures += [missed("2e-07", "d", 3), missed("3.0e-09", "e", 4), missed("4e-8", "f", 5)]
+    failures += [missed("1e-7", "d on another level", 3)]  # of a point that is counted
     lines = failure_lines(failures)
     assert [line.split(":")[0] for line in lines] == [
-        "3 solutions failed",
-        "2 solutions failed",
-        "1 solution failed",
+        "3 points failed",
+        "2 points failed",
+        "1 point failed",
     ]
-    assert "inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps; raise" in lines[0]
-    assert lines[0].endswith("solver.tolerance (for example d)")
+    assert (
+        "inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps (for example d)" in lines[0]
+    )
+    assert lines[0].endswith("; raise solver.tolerance")
     assert "the limit of 300 to 400 is reached" in lines[1]
 
 
 def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown() -> None:
     line = failure_lines(
-        [(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1")]
+        [(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1", 0)]
     )[0]
     assert "someone" not in line
     assert all(words in line for words in ("part.step", "run the study again"))
-    assert "coarsen the mesh" in failure_lines([(BAD, "", "a")])[0]
+    assert "coarsen the mesh" in failure_lines([(BAD, "", "a", 0)])[0]
 
 
 def test_labelled_lines_stand_in_two_columns_of_80_characters() -> None:

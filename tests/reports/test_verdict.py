@@ -7,16 +7,39 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.reports.sentences import HOW, RunSeen, abrupt, mesh_error
+from tcstudy.reports.sentences import (
+    HOW,
+    RunSeen,
+    abrupt,
+    mesh_error,
+    no_loading_curve,
+    proof_classes,
+)
 from tcstudy.reports.terminal.summary import verdict_of
-from tests.reports.conftest import Stored
+from tests.reports.conftest import REASON, Stored
 
 
 def test_a_file_says_what_slips_and_last_how_many_points_are_solved(stored: Stored) -> None:
-    text, _, ok = verdict_of(stored("failed"))
-    assert text.startswith("Largest slip")
-    assert text.endswith("5 of 6 solved.")
-    assert not ok
+    verdict = verdict_of(stored("failed"))
+    assert list(verdict.fields) == ["solved", "reason", "fix", "answer", "trust", "accuracy"]
+    assert verdict.answer[0].startswith("largest slip")
+    assert verdict.solved[0].startswith("5 of 6 points, 2 levels; 1 failed; residual")
+    assert verdict.reason[0].startswith(f"singular: {REASON}")
+    assert not verdict.complete
+    assert "reason" not in verdict_of(stored("block")).fields
+
+
+def test_classes_of_proof_are_exclusive_and_add_up() -> None:
+    """Whatever is proved unique is a global and a local minimum, too."""
+    flags = {
+        "unique": np.array([True, False, False, False, False]),
+        "global_minimum": np.array([True, True, False, False, True]),
+        "strict_minimum": np.array([True, True, True, False, True]),
+    }
+    solved = np.array([True, True, True, True, False])
+    assert proof_classes(flags, solved) == (
+        "1 unique, 1 global minimum, 1 local minimum, 1 without certificate"
+    )
 
 
 NUMBER = count()
@@ -121,3 +144,28 @@ def test_a_point_where_next_to_nothing_happens_is_no_mesh_error() -> None:
     assert mesh_error(run)[0] == "last refinement changed ∫ξ by at most 10 % (at θ̄ = 0 K)"
     run = seen({"theta_bar": [0, 1]}, 2, u_T_max=[[9.5, 10.0], [0.0, 2e-3]])
     assert mesh_error(run)[0] == "last refinement changed max |u_T| by at most 20 % (at θ̄ = 1 K)"
+
+
+@pytest.mark.parametrize(
+    ("from_zero", "lowest", "branch", "words"),
+    [
+        ([1.0, 2.0, 3.0], [1.0, 2.0, 2.5], "lowest", "not the loading curve over θ̄"),
+        ([1.0, 2.0, 3.0], [1.0, 2.5, 3.5], "lowest", "the least energy need not be the loading"),
+        ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], "lowest", ""),
+        ([1.0, 2.0, 3.0], [1.0, 2.0, 2.5], "continued", ""),
+    ],
+)
+def test_least_energy_is_not_called_the_loading_curve(
+    from_zero: list[float], lowest: list[float], branch: str, words: str
+) -> None:
+    """Energies to which the starts lead; the second start may find less than that from zero."""
+    run = _run([1.0, 2.0, 3.0])
+    energy = np.stack([from_zero, lowest], axis=-1)
+    run.take = lambda name, level=-1: energy if name == "start_energy" else None  # type: ignore
+    run.nc.solver_branch, run.nc.swept_loads = branch, "theta_bar"
+    ambiguous = energy[:, 0] != energy[:, 1]
+    sentences = no_loading_curve(run, ambiguous)
+    assert [sentence.startswith(words) for sentence in sentences] == ([True] if words else [])
+    assert all("branch: continued or path:" in sentence for sentence in sentences)
+    run.nc.swept_loads = ""
+    assert no_loading_curve(run, ambiguous) == []

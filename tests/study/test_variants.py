@@ -79,7 +79,7 @@ def test_a_geometry_that_cannot_be_is_a_status_with_its_reason(tmp_path: Path) -
         "body.holes[0]: the hole touches or crosses the outline"
     )
     assert tree["geometry"].values.tolist() == [-1, 1, 2]
-    assert "1 solution failed: mesh failed: body.holes[0]" in text_of(tmp_path / "out.nc")
+    assert "1 point failed: mesh failed: body.holes[0]" in text_of(tmp_path / "out.nc")
     notes = plan(read_study_text(HOLED)).notes
     assert any(
         note.startswith("refused, parameters.height = 10 mm: body.holes[0]: ") for note in notes
@@ -112,7 +112,7 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
     assert np.allclose(tree["u_T_max"].isel(level=1), [2e-4, 2e-4, 1e-4], rtol=1e-9)
     assert tree["geometry"].values.tolist() == [0, 1, 0]
     assert tree["geometry_0/level_0"]["u_T"].dims == ("own_point", "node")
-    assert "3 of 3 solved" in text_of(tmp_path / "out.nc")
+    assert "3 of 3 points" in text_of(tmp_path / "out.nc")
     drawn = "sweep={mode: sobol, points: 4, body.rectangle.width: {uniform: [100 mm, 200 mm]}}"
     assert len(read_study_text(BAR, "s", [drawn]).variants) == 4
 

@@ -94,7 +94,11 @@ def path_figure(data: Any, response: str, look: style.Look) -> Figure:
         raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
     panels = path_panels(data, response)
     sheet = Sheet(
-        look, data.attrs["title"], [path_verdict(data)[0]], [["curve"], ["over"]], (CURVE, MAP)
+        look,
+        data.attrs["title"],
+        [path_verdict(data).sentence],
+        [["curve"], ["over"]],
+        (CURVE, MAP),
     )
     sheet.draw(panels)
     sheet.share("curve", "over")

@@ -61,7 +61,7 @@ from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import verdict_of
-from tcstudy.reports.text import spelled
+from tcstudy.reports.text import Verdict, spelled
 from tcstudy.scene.keys import GREEK, ROWS, symbol
 
 STATES_BYTES = 4_000_000
@@ -379,21 +379,16 @@ def _lines(stored: Stored) -> int:
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     """The whole page as text."""
     box = Container()
-    verdict, how, ok = verdict_of(stored.path)
-    verdict = f"{len(stored.homes)} geometries: {verdict}" if stored.homes else verdict
+    verdict = verdict_of(stored.path)
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
-    header["verdict"] = {
-        "text": verdict,
-        "how": "; ".join(filter(None, [how, stored.words])),
-        "ok": ok,
-    }
+    header["verdict"] = {"lines": verdict.lines, "how": stored.words, "ok": verdict.complete}
     assets = resources.files("tcstudy.reports.page") / "assets"
     shell = (assets / "shell.html").read_text(encoding="utf-8")
     scripts = "\n".join((assets / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)
     told = map(str, remarks_of(stored.data.attrs))
     for mark, text in (
         ("<!--title-->", html.escape(str(header["title"]))),
-        ("<!--verdict-->", html.escape(verdict)),
+        ("<!--verdict-->", _verdict_rows(verdict)),
         (
             "<!--warnings-->",
             "".join(f'<p class="warning">Warning: {html.escape(one)}</p>\n' for one in told),
@@ -404,6 +399,15 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     ):
         shell = shell.replace(mark, text)
     return shell
+
+
+def _verdict_rows(verdict: Verdict) -> str:
+    """Return the labelled lines of a verdict as a list of terms and facts."""
+    rows = list[str]()
+    for label, facts in verdict.fields.items():
+        lines = "".join(f"<dd>{html.escape(fact)}</dd>" for fact in facts)
+        rows.append(f"<dt>{label.capitalize()}</dt>{lines}")
+    return "".join(rows)
 
 
 def _about(stored: Stored) -> Json:

@@ -24,6 +24,7 @@ from tcstudy.reports.text import (
     Part,
     Table,
     TextColumn,
+    Verdict,
     counted,
     failure_lines,
     headed,
@@ -167,20 +168,20 @@ def _solved_words(data: Any) -> tuple[str, list[str]]:
         solved = f"{int(ok.sum())} of {ok.size} solutions ({points} points, {levels} levels)"
     reasons = by_point(data["reason"], data) if "reason" in data else None
     words = [describe(data, where) for where in each_point(data)]
-    failures = list[tuple[PointStatus, str, str]]()
-    for point, level in np.argwhere(~ok).tolist():
+    failures = list[tuple[PointStatus, str, str, int]]()
+    for place_number, (point, level) in enumerate(np.argwhere(~ok).tolist()):
         reason = "" if reasons is None else str(reasons[point, level])
         place = ", ".join(filter(None, [words[point], f"level {level}"]))
-        failures.append((PointStatus(int(status[point, level])), reason, place))
-    return solved, failure_lines(failures)
+        failures.append((PointStatus(int(status[point, level])), reason, place, place_number))
+    return solved, failure_lines(failures, "solution")
 
 
-def convergence_verdict(data: Any) -> tuple[str, str, bool]:
-    """Return the labelled lines as running text, and whether all is well: every level solved, and
-    no order slower than expected."""
+def convergence_verdict(data: Any) -> Verdict:
+    """Return the labelled lines; complete where every level is solved and no order is slower than
+    expected."""
     solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
     slower = any(word == "slower" for _, word in _verdicts(data))
-    return sentences.sentence_of(convergence_lines(data)), "", solved and not slower
+    return Verdict.of_lines(convergence_lines(data), complete=solved and not slower)
 
 
 def convergence_parts(
@@ -467,16 +468,11 @@ def _seconds(time: float) -> str:
     return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
 
 
-def cost_verdict(data: Any) -> tuple[str, str, bool]:
-    """What to take of the settings measured."""
-    held = any(f"error_{m.name}" in data for m in MEASURES)
-    return (
-        " ".join(advice(settings(data, measure_of(data, None))))
-        if held
-        else "Nothing was measured.",
-        "",
-        True,
-    )
+def cost_verdict(data: Any) -> Verdict:
+    """Return which of the settings measured to take."""
+    if not any(f"error_{m.name}" in data for m in MEASURES):
+        return Verdict(answer=("nothing was measured",))
+    return Verdict(answer=tuple(advice(settings(data, measure_of(data, None)))))
 
 
 def cost_parts(data: Any, *_: Any) -> Iterator[Part]:

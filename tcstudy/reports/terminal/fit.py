@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.reports.text import Heading, Part, Table, counted, number, prefix
+from tcstudy.reports.text import Heading, Part, Table, Verdict, counted, number, prefix, pretty
 
 DOUBT = 0.05
 """Probability below which a fit is doubted."""
@@ -38,20 +38,21 @@ def parts(data: Any, *_: Any) -> Iterator[Part]:
     yield "\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), work])
 
 
-def verdict(data: Any) -> tuple[str, str, bool]:
-    """The numbers with their standard errors, and what speaks against them."""
-    found = []
+def verdict(data: Any) -> Verdict:
+    """Return the fitted numbers with their standard errors, and what speaks against them."""
+    answer = list[str]()
     columns = (
         data[key].values for key in ("parameter", "parameter_units", "estimate", "standard_error")
     )
     for name, units, estimate, error in zip(*columns, strict=True):
         divisor, unit = prefix([float(estimate)], str(units))
-        spread = f" ± {number(float(error) / divisor, 2)}" if np.isfinite(error) else ""
-        found.append(
-            f"{name} = {number(float(estimate) / divisor)}{spread} {unit}".removesuffix(" 1")
-        )
-    doubts = [said for said, doubt in fit_doubts(data) if doubt]
-    return "; ".join([", ".join(found), *doubts]), "", not doubts
+        value = f"{name} = {number(float(estimate) / divisor)} {pretty(unit)}".rstrip()
+        if np.isfinite(error):
+            value += f", standard error {number(float(error) / divisor, 3)}"
+        answer.append(value)
+    doubts = tuple(text for text, doubt in fit_doubts(data) if doubt)
+    work = f"{data.sizes['row']} data, {int(data.attrs['starts_tried'])} of {int(data.attrs['starts'])} starts tried"
+    return Verdict(answer=tuple(answer), trust=doubts, solved=(work,), complete=not doubts)
 
 
 def _estimates(data: Any) -> Table:

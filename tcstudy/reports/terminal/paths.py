@@ -4,27 +4,32 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.files import SHORTFALLS
 from tcstudy.data.reading import asked, by_point, each_point
-from tcstudy.data.schema import PointStatus
+from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES, PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
 from tcstudy.reports.text import (
+    PROOFS,
     Heading,
     Part,
     Table,
     TextColumn,
+    Verdict,
     columns_table,
     counted,
     digits_lost,
     number,
     prefix,
+    pretty,
     proved,
     quantity,
     with_unit,
@@ -59,69 +64,198 @@ def folds_of(data: Any) -> NDArray[np.intp]:
     ]
 
 
-def path_verdict(data: Any) -> tuple[str, str, bool]:
-    """Where friction is largest, where the path snaps back, how many equilibria there are; what is
-    known of others."""
-    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
-    t, units, c = data["parameter"].values, str(data["parameter"].attrs["units"]), data["c"].values
+NEAREST = 1e-9
+"""Part of the range within which two values of the parameter are one."""
+MOST_INTERVALS, MOST_SNAPS = 3, 2
+"""Intervals with the largest number of equilibria and snap-backs that a verdict names."""
+
+
+def path_verdict(data: Any) -> Verdict:
+    """Return what the file of a path says first: the peak, snap-backs, equilibria, the loop."""
+    unit = Unit.of_parameter(data)
+    answer = [_peak(data, unit), _snap_backs(data, unit), *_equilibria(data, unit)]
+    shortfalls = str(data.attrs.get(SHORTFALLS, "")).splitlines()
+    segments = int(data.sizes.get("piece", len(data["parameter"]) - 1))
+    solved = counted(segments, "segment")
+    if segments:
+        solved += f"; residual ≤ {number(float(data['residual'].max()), 2)}"
+    of_path = [line for line in shortfalls if not line.startswith((UNPROVED_BRANCHES, OPEN_LOOP))]
+    cause, _, remedy = of_path[0].partition("; ") if of_path else ("", "", "")
+    return Verdict(
+        answer=tuple(filter(None, answer)),
+        cycles=_cycle(data, unit),
+        trust=_branches_known(data) if segments else (),
+        accuracy=("not estimated: one mesh",) if segments else (),
+        solved=(solved,),
+        reason=(cause,),
+        fix=(remedy,),
+        complete=not shortfalls,
+    )
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit for all values of a parameter, so that those of a line can be compared."""
+
+    divisor: float
+    name: str
+
+    @classmethod
+    def of_parameter(cls, data: Any) -> Unit:
+        """Return the unit that suits the range of a path's parameter."""
+        low, high = (float(end) for end in data.attrs["parameter_range"])
+        return cls(*prefix([low, high], data["parameter"].attrs["units"]))
+
+    def number(self, value: Any) -> str:
+        """Return a value in this unit, without it."""
+        return number(float(value) / self.divisor)
+
+    def text(self, *values: Any) -> str:
+        """Return values, the last with the unit: "1.131 to 0.8525 mm"."""
+        texts = " to ".join(self.number(value) for value in values)
+        return f"{texts} {pretty(self.name)}".rstrip()
+
+
+def _peak(data: Any, unit: Unit) -> str:
+    """Return the largest friction of the path in its range, and where it is."""
+    low, high = sorted(float(end) for end in data.attrs["parameter_range"])
+    t, c = data["parameter"].values, data["c"].values
+    stress_units = str(data["xi"].attrs["units"])
     inside = (t >= low) & (t <= high)
-    force, stress = (
-        np.where(inside, np.abs(data["xi"].values @ c), 0.0),
-        str(data["xi"].attrs["units"]),
-    )
-    k = int(np.argmax(force))
-    whole, mean = (
-        with_unit(force[k], "1" if stress == "1" else "N m-1"),
-        with_unit(force[k] / c.sum(), stress),
-    )
-    at = f"at {symbol(str(data.attrs['parameter']))} = {with_unit(t[k], units)}"
-    peak = [f"peak ∫ξ {whole}, {mean} in the mean, {at}" if force[k] > 0.0 else "no friction"]
-    snaps = [(a, b) for a, b in pairwise(folds_of(data)) if inside[a] and t[a] > t[b]]
-    peak += [
-        f"snap-back from {with_unit(t[a], units)} to {with_unit(t[b], units)}" for a, b in snaps[:2]
-    ]
-    peak += [f"and {len(snaps) - 2} more"] if len(snaps) > 2 else []
-    many, falls = _most(t, low, high, units), int(data.sizes.get("jump", 0))
-    many += (
-        f", {counted(int(data['branch_loop'].sum()), 'closed loop')}"
-        if "branch_loop" in data
-        else ""
-    )
-    lost = f"slow loading to and fro falls {counted(falls, 'time')}" if falls else ""
-    known = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
-    trust = [f"worst residual {number(float(data['residual'].max()), 2)}"]
-    return sentences.answered([", ".join(peak), many, lost], trust), known, True
+    force = np.where(inside, np.abs(data["xi"].values @ c), 0.0)
+    most = int(np.argmax(force))
+    if not data.sizes.get("piece", len(t) - 1):
+        return f"no path: it ends where it begins, at {_parameter(data)} = {unit.text(t[0])}"
+    if force[most] == 0.0:
+        return "no friction along the path"
+    total = with_unit(force[most], "1" if stress_units == "1" else "N m-1")
+    mean = with_unit(force[most] / c.sum(), stress_units)
+    return f"peak friction {total} (mean {mean}), at {_parameter(data)} = {unit.text(t[most])}"
 
 
-def _most(t: Array, low: float, high: float, units: str) -> str:
-    """How many equilibria of the path there are at most at one value of its range, and between
-    which values."""
-    ends = np.unique(np.clip(t, low, high))
+def _parameter(data: Any) -> str:
+    """Return the symbol of the parameter of a path."""
+    return symbol(str(data.attrs["parameter"]))
+
+
+def _snap_backs(data: Any, unit: Unit) -> str:
+    """Return between which values the path steps back."""
+    low, high = sorted(float(end) for end in data.attrs["parameter_range"])
+    t = data["parameter"].values
+    turns = [t[[a, b]] for a, b in pairwise(folds_of(data)) if low <= t[a] <= high and t[a] > t[b]]
+    if not turns:
+        return ""
+    steps = " and ".join(f"{unit.number(a)} → {unit.text(b)}" for a, b in turns[:MOST_SNAPS])
+    more = f" and {len(turns) - MOST_SNAPS} more" if len(turns) > MOST_SNAPS else ""
+    return f"snap-back {steps}{more}"
+
+
+def equilibria_by_interval(
+    first: Array, last: Array, low: float, high: float
+) -> list[tuple[float, float, int]]:
+    """Return (from, to, number) of the intervals of a range between which the number of equilibria
+    changes.
+
+    first, last: (n,) the parameter at both ends of each segment
+    """
+    ends = np.unique(np.clip(np.concatenate([first, last, [low, high]]), low, high))
+    apart = np.diff(ends) > NEAREST * (high - low)
+    ends = ends[np.append(True, apart)]
     middle = 0.5 * (ends[1:] + ends[:-1])
-    a, b = np.minimum(t[1:], t[:-1]), np.maximum(t[1:], t[:-1])
-    count = np.searchsorted(np.sort(a), middle) - np.searchsorted(np.sort(b), middle)
-    if not len(count) or count.max() < 2:
-        return "one equilibrium on it at every value of the range" if len(count) else ""
-    at = np.flatnonzero(count == count.max())
-    first, last = with_unit(ends[at[0]], units), with_unit(ends[at[-1] + 1], units)
-    where = f"near {first}" if first == last else f"between {first} and {last}"
-    return f"{count.max()} equilibria on it {where}"
+    begins, stops = np.sort(np.minimum(first, last)), np.sort(np.maximum(first, last))
+    counts = np.searchsorted(begins, middle) - np.searchsorted(stops, middle)
+    intervals = list[tuple[float, float, int]]()
+    for start, stop, count in zip(ends[:-1], ends[1:], counts, strict=True):
+        if intervals and intervals[-1][2] == count:
+            start = intervals.pop()[0]
+        intervals.append((float(start), float(stop), int(count)))
+    return intervals
+
+
+def _equilibria(data: Any, unit: Unit) -> list[str]:
+    """Return the largest number of equilibria and where there are so many, of the path and, where
+    all branches are proved to be known, of all of them; the proved totals at requested values."""
+    name = _parameter(data)
+    low, high = sorted(float(end) for end in data.attrs["parameter_range"])
+    t = data["parameter"].values
+    texts = [_largest_number(equilibria_by_interval(t[:-1], t[1:], low, high), "on it", name, unit)]
+    if int(data.get("complete", 0)):
+        branch, t = data["branch_of"].values, data["branch_parameter"].values
+        same = branch[1:] == branch[:-1]
+        intervals = equilibria_by_interval(t[:-1][same], t[1:][same], low, high)
+        polygon = " of the law's polygon" if float(data["law_error"]) > 0.0 else ""
+        texts.append(_largest_number(intervals, f"in all{polygon} (proved)", name, unit))
+        apart = (data["branch_loop"].values == 1) & (data["branch_on_path"].values == 0)
+        if apart.any():
+            texts.append(f"{counted(int(apart.sum()), 'closed loop')} that the path does not meet")
+    return [*texts, _proved_totals(data, name, unit)]
+
+
+def _largest_number(
+    intervals: list[tuple[float, float, int]], where: str, name: str, unit: Unit
+) -> str:
+    """Return the largest number of equilibria with the intervals in which there are so many."""
+    most = max((count for _, _, count in intervals), default=0)
+    if most < 2:
+        whole = intervals and min(count for _, _, count in intervals) == 1
+        return f"one equilibrium {where} at every value of the range" if whole else ""
+    spans = [_interval(a, b, unit) for a, b, count in intervals if count == most]
+    spans = list(dict.fromkeys(spans))
+    places = " and ".join(spans[:MOST_INTERVALS])
+    more = len(spans) - MOST_INTERVALS
+    places += f" and in {counted(more, 'more interval')}" if more > 0 else ""
+    return f"up to {most} equilibria {where}, for {name} {places}"
+
+
+def _interval(low: float, high: float, unit: Unit) -> str:
+    """Return an interval of the parameter; one that is narrower than its digits is a place."""
+    ends = [unit.number(low), unit.number(high)]
+    return f"near {unit.text(low)}" if ends[0] == ends[1] else f"from {unit.text(low, high)}"
+
+
+def _proved_totals(data: Any, name: str, unit: Unit) -> str:
+    """Return how many equilibria there are in all at the requested values where that is proved."""
+    if "at_complete" not in data or float(data["law_error"]) > 0.0:
+        return ""
+    known = np.flatnonzero(data["at_complete"].values)
+    counts, values = data["solution_count"].values[known], data["at"].values[known]
+    totals = [
+        f"{count} at {name} = {unit.text(value)}"
+        for count, value in zip(counts, values, strict=True)
+    ]
+    return f"equilibria in all, proved: {', '.join(totals)}" if totals else ""
+
+
+def _cycle(data: Any, unit: Unit) -> tuple[str, ...]:
+    """Return what quasi-static loading and unloading over the range loses, and in which jumps."""
+    if "energy_lost" not in data:
+        return ()
+    if not int(data["loop_complete"]):
+        return (f"hysteresis loop not completed: {data.attrs['loop_reason']}",)
+    lost = with_unit(float(data["energy_lost"]), str(data["energy_lost"].attrs["units"]))
+    jumps = data["jump_parameter"].values if "jump_parameter" in data else np.zeros(0)
+    if not len(jumps):
+        return (f"{lost} lost, no jumps",)
+    text = f"{lost} lost in {counted(len(jumps), 'jump')}"
+    if len(jumps) <= MOST_INTERVALS:
+        first = ", ".join(unit.number(t) for t in jumps[:-1])
+        text += f", at {f'{first} and ' if first else ''}{unit.text(jumps[-1])}"
+    return (text if int(data["loop_closed"]) else f"{text}; it does not close",)
+
+
+def _branches_known(data: Any) -> tuple[str, ...]:
+    """Return what is known of branches that the path does not meet."""
+    if int(data.get("complete", 0)):
+        return (sentences.WHOLE,)
+    if reason := str(data.attrs.get("complete_reason", "")):
+        return (sentences.CONNECTED, f"{UNPROVED_BRANCHES}: {reason}")
+    return (sentences.CONNECTED,)
 
 
 def path_parts(data: Any, *_: Any) -> Iterator[Part]:
     """What a path's file holds: its extent and ends, the branches, the loop, the requested
     solutions."""
-    divisor, unit = prefix(
-        [float(x) for x in data.attrs["parameter_range"]], data["parameter"].attrs["units"]
-    )
-
-    def at(value: Any, *more: Any) -> str:
-        return (
-            f"{' to '.join(number(one / divisor) for one in (value, *more))} {unit}".removesuffix(
-                " 1"
-            )
-        )
-
+    at = Unit.of_parameter(data).text
     yield Heading(str(data.attrs["title"]), 1)
     told = [*_path(data, at), *(_branches(data, at) if "complete" in data else ())]
     yield "\n".join([*told, _loop(data, at)] if "energy_lost" in data else told)
@@ -168,8 +302,8 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
     told += " of the law's polygon" if (polygon := float(data["law_error"]) > 0.0) else ""
     if data["complete"]:
         yield f"  every branch of the range: {told}; complete (proved)"
-    else:
-        yield f"  branches found in the range: {told}; not proved complete: {data.attrs['complete_reason']}"
+    elif len(closed):
+        yield f"  branches found in the range: {told}; not proved complete"
     for k in np.flatnonzero(closed & ~on_path):
         yield f"  a closed loop from {at(t[of == k].min(), t[of == k].max())} that the path does not meet"
     if polygon or not data.sizes.get("at", 0):
@@ -179,6 +313,8 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
     )
     values, known, counts = (data[name].values for name in ("at", "at_complete", "solution_count"))
     for value, sure, count, off in zip(values, known, counts, off_path, strict=True):
+        if not (sure or count):
+            continue
         told = f"{sentences.equilibria(count, complete=sure)} equilibri{'um' if count == 1 else 'a'} at {at(value)}"
         yield f"  {told}" + (f", {off} of them not on the path from the start" if off else "")
 
@@ -263,50 +399,93 @@ def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
     return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
 
 
-def history_verdict(data: Any) -> tuple[str, str, bool]:
-    """How far the histories were followed, what jumps, what a cycle changes, how exact it is."""
+def history_verdict(data: Any) -> Verdict:
+    """Return what the file of a history says first: the largest slip, jumps, what a cycle changes,
+    proofs, and how far the histories were followed."""
     solved, points = by_point(data["status"], data) == int(PointStatus.OK), each_point(data)
-    whole, changes = (
-        int(np.count_nonzero(solved.all(axis=1))),
-        [last_change(data.isel(w)) for w in points],
-    )
-    slip, units = (
-        np.where(solved, by_point(data["u_T_max"], data), -1.0),
-        str(data["u_T_max"].attrs["units"]),
-    )
-    p, n = np.unravel_index(int(np.argmax(slip)), slip.shape)
-    at = f" at step {str(data['step_name'].values[n]) or n}"
-    at += f" of cycle {cycle}" if (cycle := int(data["cycle"].values[n])) > 1 else ""
-    at += f" ({words})" if (words := describe(data, points[p])) else ""
-    lengths: dict[str, tuple[str, str]] = {}
-    for key, what in LENGTHS.items():
-        own = data.get(f"{key}_length") if key != "slip" else None
-        most = np.nanmax(by_point(own, data)[solved], initial=0.0) if own is not None else 0.0
-        lengths |= {what: ("", with_unit(float(most), units, 3))} if most > 0.0 else {}
-    moves = slip[p, n] > 0.0
-    answer = [
-        sentences.slipped(with_unit(float(slip[p, n]), units), at, lengths)
-        if moves
-        else "nothing slips"
-    ]
-    what = f"{counted(solved.shape[1] - 1, 'step')} in {counted(int(data['cycle'].max()), 'cycle')}"
+    complete = int(np.count_nonzero(solved.all(axis=1)))
+    steps, cycles = solved.shape[1] - 1, int(data["cycle"].max())
+    steps_of = f"{counted(steps, 'step')}" + (f" in {cycles} cycles" if cycles > 1 else "")
     if len(points) == 1:
-        done, reason = int(np.count_nonzero(solved)) - 1, data["reason"].values.item()
-        count = (
-            f"all {what} solved" if whole else f"{max(done, 0)} of {what} solved, then: {reason}"
-        )
-        answer.append(changes[0][1])
+        count = f"{max(int(solved.sum()) - 1, 0)} of {steps_of}"
     else:
-        count = f"{whole} of {len(points)} histories of {what} followed to their end"
-        kinds = [kind for kind, _ in changes if kind]
-        answer.append(
-            ", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds))
-        )
-    jumped = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
-    answer.append(counted(jumped, "jump") if jumped else "no jumps")
-    worst = by_point(data["inclusion_residual"], data)[solved]
-    trust = [f"worst residual {number(float(worst.max()), 2)}"] if len(worst) else []
-    return sentences.answered(answer, trust, [count]), "", whole == len(points)
+        count = f"{complete} of {len(points)} histories of {steps_of} followed to their end"
+    residuals = by_point(data["inclusion_residual"], data)[solved]
+    if len(residuals):
+        count += f"; residual ≤ {number(float(np.nanmax(residuals)), 2)}"
+    reasons = [str(reason) for reason in by_point(data["reason"], data) if reason]
+    cause, _, remedy = reasons[0].partition("; ") if reasons else ("", "", "")
+    if len(reasons) > 1:
+        cause += f" (the first of {len(reasons)})"
+    return Verdict(
+        answer=tuple(filter(None, _history_answer(data, solved, points))),
+        cycles=_history_cycles(data, points),
+        trust=_history_proofs(data, solved),
+        accuracy=_history_accuracy(data, solved),
+        solved=(count,),
+        reason=(cause,),
+        fix=(remedy,),
+        complete=complete == len(points),
+    )
+
+
+def _history_answer(
+    data: Any, solved: NDArray[np.bool_], points: list[dict[str, int]]
+) -> list[str]:
+    """Return the largest slip with its step, lengths of the contact line, and the jumps."""
+    units = str(data["u_T_max"].attrs["units"])
+    slip = np.where(solved, by_point(data["u_T_max"], data), -1.0)
+    point, step = np.unravel_index(int(np.argmax(slip)), slip.shape)
+    jumps = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
+    jumped = counted(jumps, "jump") if jumps else "no jumps"
+    if slip[point, step] <= 0.0:
+        return ["nothing slips", jumped]
+    place = f"step {str(data['step_name'].values[step]) or step}"
+    if (cycle := int(data["cycle"].values[step])) > 1:
+        place += f" of cycle {cycle}"
+    if words := describe(data, points[point]):
+        place += f" ({words})"
+    spans = dict[str, tuple[float, float]]()
+    for name in LENGTHS:
+        if name == "slip" or f"{name}_length" not in data:
+            continue
+        length = np.nanmax(by_point(data[f"{name}_length"], data)[solved], initial=0.0)
+        if length > 0.0:
+            spans[name] = 0.0, float(length)
+    largest = f"largest slip {with_unit(float(slip[point, step]), units)} at {place}"
+    lengths = sentences.slip_lengths(spans, units)
+    return [largest, ", ".join(filter(None, [lengths, jumped]))]
+
+
+def _history_cycles(data: Any, points: list[dict[str, int]]) -> tuple[str, ...]:
+    """Return what the last cycle of a history changes, or how many histories of a sweep do what."""
+    changes = [last_change(data.isel(where)) for where in points]
+    if len(points) == 1:
+        return (changes[0][1],)
+    kinds = [kind for kind, _ in changes if kind]
+    counts = [f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds)]
+    return (", ".join(counts),)
+
+
+def _history_proofs(data: Any, solved: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Return how many steps after step 0 have which strongest proof."""
+    steps = solved.copy()
+    steps[:, 0] = False
+    if not steps.any():
+        return ()
+    flags = {name: by_point(data[name], data) == 1 for name, _ in PROOFS if name in data}
+    missing = dict.fromkeys([name for name, _ in PROOFS], np.zeros_like(steps))
+    classes = sentences.proof_classes(missing | flags, steps)
+    return (f"steps: {classes} (this mesh)",)
+
+
+def _history_accuracy(data: Any, solved: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Return that the error of the mesh is not known, and how well the energy balances."""
+    text = "not estimated: one mesh"
+    defects = by_point(data["identity"], data)[solved]
+    if np.isfinite(defects).any():
+        text += f"; relative energy balance error {number(float(np.nanmax(defects)), 2)}"
+    return (text,)
 
 
 def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]:
@@ -327,7 +506,11 @@ def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]
         name, part = describe(data, where), data.isel(where)
         table = [_steps(part, every_row)] if every_row or len(points) == 1 else []
         yield "\n".join(
-            [*([f"  {name}"] if name else []), *table, *(f"  {one}" for one in sentences_of(part))]
+            [
+                *([f"  {name}"] if name else []),
+                *table,
+                *(f"  {text}" for text in sentences_of(part, len(points) == 1)),
+            ]
         )
     if len(shown) < len(points):
         yield f"  … {len(points) - len(shown)} more points; --verbose shows all"
@@ -395,8 +578,11 @@ def last_change(part: Any) -> tuple[str, str]:
     return cycle_change(part["u_T"].values[ends], each, units, rounding)
 
 
-def sentences_of(part: Any) -> list[str]:
-    """Change from cycle to cycle, energies, and why the history ended early."""
+def sentences_of(part: Any, alone: bool = False) -> list[str]:
+    """Return the change from cycle to cycle, energies, and why the history ended early.
+
+    alone: whether the verdict of the file is of this history, too, and has told of the cycles
+    """
     done = np.flatnonzero(part["status"].values == PointStatus.OK)
     reason = str(part["reason"].values.item())
     if not len(done):
@@ -405,12 +591,13 @@ def sentences_of(part: Any) -> list[str]:
     missed, spent = (
         float(np.abs(part[name].values[done]).sum()) for name in ("closure", "dissipated")
     )
+    steps = counted(len(done) - 1, "step")
     told = [
-        last_change(part)[1],
-        f"{counted(len(done) - 1, 'step')} solved, energy identity to {defect}",
+        "" if alone else last_change(part)[1],
+        "" if alone else f"{steps} solved, relative energy balance error {defect}",
         f"finite steps miss {sentences.percent(missed / spent)} of the energy dissipated; take more steps"
         if 0.0 < MISSED * spent < missed
         else "",
-        f"ended at step {len(done)}: {reason}" if reason else "",
+        f"ended at step {len(done)}: {reason}" if reason and not alone else "",
     ]
     return list(filter(None, told))

@@ -34,6 +34,7 @@ from tcstudy.reports.text import (
     Part,
     Table,
     TextColumn,
+    Verdict,
     counted,
     digits_lost,
     failure_lines,
@@ -61,14 +62,13 @@ def text_of(
     point: labels of the points of a run to list, or of that of a convergence to show
     of:    of a design, the number whose indices to show
     """
-    kind, (text, how, _) = kind_of(file), verdict_of(file)
+    kind, verdict = kind_of(file), verdict_of(file)
     with open_root(file) as root:
         data = root.drop_vars(NOT_SAID if kind == "run" else [], errors="ignore").load()
     heading, *rest = KINDS[kind][1](data, full, point)
-    told = f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()
     # the labelled lines of a convergence and of costs stand in their parts
-    said = {"run": f"  {text}", "convergence": "", "cost": ""}.get(kind, told)
-    text = render([heading, *filter(None, [said]), *rest]).rstrip("\n")
+    first = [] if kind in ("convergence", "cost") else [verdict]
+    text = render([heading, *first, *rest]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text
 
@@ -76,9 +76,8 @@ def text_of(
     return text
 
 
-def verdict_of(path: Path) -> tuple[str, str, bool]:
-    """The sentence of a file of any kind, how what it says is known, and whether all is well.
-    Raises StoreError.
+def verdict_of(path: Path) -> Verdict:
+    """Return what a file of any kind says first. Raises StoreError.
 
     A run may have a million points: of it a few variables are read, without the import of xarray.
     """
@@ -297,9 +296,17 @@ def _said(data: Any) -> Iterator[str]:
         for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))
     ]
     reasons = data["reason"].values if failed else {}
-    yield from failure_lines(
-        (PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed
-    )
+    dims = [dim for dim in data["status"].dims if dim != "level"]
+    rows = list[tuple[PointStatus, str, str, int]]()
+    for place in failed:
+        where = dict(zip(data["status"].dims, place, strict=True))
+        index = [where[dim] for dim in dims]
+        sizes = [data.sizes[dim] for dim in dims]
+        point = int(np.ravel_multi_index(index, sizes)) if dims else 0
+        rows.append(
+            (PointStatus(int(status[place])), str(reasons[place]), _point(data, place), point)
+        )
+    yield from failure_lines(rows)
     if "sensitivity_status" in data:
         known = np.count_nonzero(data["sensitivity_status"].isel(level=-1).values == DIFFERENTIABLE)
         of = data["status"].isel(level=-1).size

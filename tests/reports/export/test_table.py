@@ -75,7 +75,7 @@ def test_tables_of_histories_and_fits(stored: Stored, tmp_path: Path) -> None:
 def test_one_object_has_the_numbers_of_the_file(stored: Stored) -> None:
     found = json.loads(json_text(brief(stored("failed"))))
     assert (found["kind"], found["title"]) == ("run", "A block <on> a film for $5 and $6")
-    assert found["verdict"].endswith("5 of 6 solved.")
+    assert found["verdict"]["solved"][0].startswith("5 of 6 points, 2 levels; 1 failed")
     assert found["units"]["slip_length"] == "m"
     values = found["values"]
     with open_results(stored("failed")) as tree:

@@ -67,7 +67,7 @@ def test_the_page_of_a_shipped_study_is_drawn(words: str, browser: Browser, tmp_
 
 def test_a_run_obeys_clicks_keys_and_its_address(browser: Browser, stored: Stored) -> None:
     page = shown(browser, stored("block"), "#x=theta_bar&y=friction")
-    assert "6 of 6 solved" in text_of(page, "#verdict")
+    assert "6 of 6 points" in text_of(page, "#verdict")
     click(page, '[data-point="1"]')
     assert fragment(page)["at"] == "0,1"
     assert "θ̄ = 0 K, friction: weak" in text_of(page, "#point")

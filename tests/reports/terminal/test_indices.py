@@ -69,7 +69,7 @@ def test_the_example(tmp_path: Path) -> None:
         "-q",
     )
     ran = tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words)
-    assert "160 of 160 solved" in ran.stdout, ran.stderr
+    assert "160 of 160 points" in ran.stdout, ran.stderr
     words = ("show", tmp_path / "pad.nc", "--of", "friction_resultant")
     assert "  Indices of the side on which a point lies:" in tcstudy_command(*words).stdout
     found = json.loads(tcstudy_command(*words, "--json").stdout)["indices"]

@@ -4,7 +4,13 @@ import numpy as np
 import xarray as xr
 
 from tcstudy.data.reading import asked, load_root
-from tcstudy.reports.terminal.paths import _loop, folds_of, path_verdict, sentences_of
+from tcstudy.reports.terminal.paths import (
+    _loop,
+    equilibria_by_interval,
+    folds_of,
+    path_verdict,
+    sentences_of,
+)
 from tests.reports.conftest import Stored
 
 
@@ -28,7 +34,71 @@ def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
         },
         attrs={"parameter": "boundary.grip.u_x", "parameter_range": [0.0, 1e-3]},
     )
-    assert path_verdict(data)[0].startswith("Peak ∫ξ 7 kN m⁻¹, 3.5 kPa in the mean, at u_x = 1 mm")
+    [peak] = path_verdict(data).answer[:1]
+    assert peak == "peak friction 7 kN m⁻¹ (mean 3.5 kPa), at u_x = 1 mm"
+
+
+def test_equilibria_are_counted_interval_by_interval() -> None:
+    """A path that goes on to 3, back to 1, on to 5, back to 4, and on: 3 equilibria in two
+    intervals, none of which joins the other."""
+    t = np.array([0.0, 3.0, 1.0, 5.0, 4.0, 8.0])
+    intervals = equilibria_by_interval(t[:-1], t[1:], 0.0, 6.0)
+    assert intervals == [(0.0, 1.0, 1), (1.0, 3.0, 3), (3.0, 4.0, 1), (4.0, 5.0, 3), (5.0, 6.0, 1)]
+    data = xr.Dataset(
+        {
+            "parameter": ("vertex", t, {"units": "1"}),
+            "xi": (("vertex", "node"), t[:, None], {"units": "1"}),
+            "c": ("node", [1.0]),
+            "residual": ("vertex", 0.0 * t),
+            "fold_vertex": ("fold", [1, 2, 3, 4]),
+        },
+        attrs={"parameter": "load", "parameter_range": [0.0, 6.0]},
+    )
+    assert (
+        "up to 3 equilibria on it, for load from 1 to 3 and from 4 to 5"
+        in path_verdict(data).answer
+    )
+    assert "snap-back 3 → 1 and 5 → 4" in path_verdict(data).answer
+    # two more branches from 1.5 to 2 that the path does not meet, with every branch proved
+    branch = np.concatenate([t, [1.5, 2.0, 1.5]])
+    data = data.assign(
+        complete=1,
+        law_error=0.0,
+        branch_of=("branch_vertex", [0, 0, 0, 0, 0, 0, 1, 1, 1]),
+        branch_parameter=("branch_vertex", branch),
+        branch_loop=("branch", [0, 1]),
+        branch_on_path=("branch", [1, 0]),
+        at=("at", [1.75]),
+        at_complete=("at", [True]),
+        solution_count=("at", [5]),
+    )
+    answer = path_verdict(data).answer
+    assert "up to 5 equilibria in all (proved), for load from 1.5 to 2" in answer
+    assert "1 closed loop that the path does not meet" in answer
+    assert "equilibria in all, proved: 5 at load = 1.75" in answer
+
+
+def test_a_path_without_a_segment_has_whole_sentences() -> None:
+    data = xr.Dataset(
+        {
+            "parameter": ("vertex", [0.0], {"units": "1"}),
+            "xi": (("vertex", "node"), [[0.0]], {"units": "1"}),
+            "c": ("node", [1.0]),
+            "residual": ("vertex", [0.0]),
+        },
+        attrs={
+            "parameter": "load",
+            "parameter_range": [0.0, 1.0],
+            "shortfalls": "the path ends early, at 0: it is stuck; raise the tolerance",
+        },
+    )
+    verdict = path_verdict(data)
+    assert verdict.fields == {
+        "solved": ("0 segments",),
+        "reason": ("the path ends early, at 0: it is stuck",),
+        "fix": ("raise the tolerance",),
+        "answer": ("no path: it ends where it begins, at load = 0",),
+    }
 
 
 def test_the_largest_fall_of_a_loop_is_named() -> None:

@@ -65,10 +65,10 @@ def said(folder: Path, *points: PointRecord, study: Study = STUDY) -> str:
 def test_failures_are_one_line_a_kind(tmp_path: Path) -> None:
     good = [point(i, n) for i in range(3) for n in range(2)]
     text = said(tmp_path, *good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
-    lines = [line.strip() for line in text.splitlines() if "solutions failed" in line]
+    lines = [line.strip() for line in text.splitlines() if "points failed" in line]
     assert lines == [
-        "3 solutions failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
-        "raise solver.tolerance (for example alpha = 1 W m-2 K-1 on level 1)"
+        "2 points failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10 "
+        "(for example alpha = 1 W m-2 K-1 on level 1); raise solver.tolerance"
     ]
 
 
