@@ -403,7 +403,12 @@ ROWS: tuple[Key, ...] = (
     ),
     swept("material.k", "number", "conductivity", u.CONDUCTIVITY, above=0.0),
     swept("material.alpha_T", "number", "thermal expansion", u.EXPANSION, default=0.0),
-    swept("material.beta", "number", "stress–temperature modulus β in its place", u.THERMAL_STRESS),
+    swept(
+        "material.beta",
+        "number",
+        "β = (3λ + 2μ) α_T of the body in its place; plane stress converts it",
+        u.THERMAL_STRESS,
+    ),
     load("loads.f", "vector", "body force", u.BODY_FORCE, "[0, -77 kN/m^3]", required=True),
     swept("heat.alpha", "number", "heat transfer coefficient", u.HEAT_TRANSFER, least=0.0),
     load("heat.theta_bar", "field", "temperature of the surroundings", u.TEMPERATURE),

@@ -241,6 +241,7 @@ class Material:
     k:       conductivity [W/(m K)], None if the study gives none
     E, nu:   the three-dimensional constants
     alpha_T: coefficient of thermal expansion that beta follows from; None where beta is given [1/K]
+    bulk_beta: the three-dimensional modulus that the study gives in place of alpha_T, else None [Pa/K]
     regions: (region, material) of those that have their own
     """
 
@@ -253,6 +254,7 @@ class Material:
     plane: Literal["strain", "stress"]
     regions: tuple[tuple[str, Material], ...] = ()
     alpha_T: float | None = None
+    bulk_beta: float | None = None
 
     @classmethod
     def of(
@@ -269,22 +271,26 @@ class Material:
         from E and ν
 
         λ = Eν/((1 + ν)(1 − 2ν)), μ = E/2(1 + ν). Plane strain keeps them, β = (3λ + 2μ) α_T, eq.
-        (3); plane stress has λ → 2λμ/(λ + 2μ), β = E α_T/(1 − ν). A given beta stays as it is.
-        Numbers may be complex (laws/composed.py).
+        (3); plane stress has λ → 2λμ/(λ + 2μ), β → 2μβ/(λ + 2μ) = E α_T/(1 − ν). A given beta is,
+        as given λ and μ are, that of the body and is converted like them. Numbers may be complex
+        (laws/composed.py).
         """
         lam, mu = lame or (E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)))
-        if beta is not None:
+        bulk_beta = beta
+        if bulk_beta is not None:
             alpha_T = None
+            beta = bulk_beta if plane == "strain" else 2 * mu * bulk_beta / (lam + 2 * mu)
         elif alpha_T is not None:
             beta = (3 * lam + 2 * mu) * alpha_T if plane == "strain" else E * alpha_T / (1 - nu)
         if plane == "stress":
             lam = 2 * lam * mu / (lam + 2 * mu)
-        return cls(lam, mu, 0.0 if beta is None else beta, k, E, nu, plane, alpha_T=alpha_T)
+        beta = 0.0 if beta is None else beta
+        return cls(lam, mu, beta, k, E, nu, plane, alpha_T=alpha_T, bulk_beta=bulk_beta)
 
     def with_number(self, value: float, name: str) -> Material:
         """The material with another E, nu, alpha_T, beta or k; materials of regions stay."""
         numbers = {"E": self.E, "nu": self.nu, "k": self.k, "alpha_T": self.alpha_T, "beta": None}
-        numbers |= {"beta": self.beta} if self.alpha_T is None else {}
+        numbers |= {"beta": self.bulk_beta} if self.alpha_T is None else {}
         new = Material.of(plane=self.plane, **(numbers | {name: value}))  # type: ignore[arg-type]
         if name not in ("E", "nu"):
             new = replace(new, lam=self.lam, mu=self.mu)

@@ -79,7 +79,17 @@ def test_plane_stress_and_lame_moduli() -> None:
     assert m.beta == pytest.approx(100 * 0.01 / 0.75)
     m = plain(("E: 100, nu: 0.25", "lambda: 40, mu: 40")).scenes[0].material
     assert (m.E, m.nu, m.lam, m.mu) == pytest.approx((100.0, 0.25, 40.0, 40.0))
-    assert plain(("alpha_T: 0.01", "plane: stress, beta: 7")).scenes[0].material.beta == 7.0
+
+
+def test_a_given_beta_is_that_of_the_body_as_lambda_is() -> None:
+    """(3 lam + 2 mu) alpha_T gives the same plane problem as alpha_T, in strain and in stress."""
+    for plane in ("strain", "stress"):
+        by_alpha = plain(("nu: 0.25", f"nu: 0.25, plane: {plane}")).scenes[0].material
+        bulk = 100 * 0.01 / (1 - 2 * 0.25)
+        given = plain(("alpha_T: 0.01", f"plane: {plane}, beta: {bulk}")).scenes[0].material
+        assert given.beta == pytest.approx(by_alpha.beta, rel=1e-14)
+        assert given.with_number(2 * bulk, "beta").beta == pytest.approx(2 * given.beta, rel=1e-14)
+        assert given.with_number(50.0, "E").bulk_beta == bulk
 
 
 @pytest.mark.parametrize(
