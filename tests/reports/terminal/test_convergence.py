@@ -102,12 +102,13 @@ def test_the_tables(file):
 
 def test_a_failed_level_comes_first_with_its_reason(file):
     """Orders of two points with three errors each; one of six is pre-asymptotic twice."""
-    text, _, well = verdict_of(file)
+    verdict = verdict_of(file)
+    text = verdict.sentence
     assert text.startswith("7 of 8 solutions (2 points, 4 levels). 1 solution failed: inclusion")
     assert "why it failed" in text
     assert "2 of 6 orders are as expected or better; 2 slower than expected: u in L²" in text
     assert "no reference" not in text
-    assert not well
+    assert not verdict.complete
     lines = [line[2:12].strip() for line in text_of(file).split("\n\n")[1].split("\n")]
     assert [label for label in lines if label] == [
         "Solved",
@@ -122,11 +123,12 @@ def test_limits_need_three_levels(tmp_path):
     """Without a reference no order is measured, and the page says nothing else."""
     none = {"limit_energy": NAN, "uncertainty_energy": NAN}
     write(tmp_path / "a.nc", [numbers((OK,) * 4) | none] * 2)
-    text, _, well = verdict_of(tmp_path / "a.nc")
+    verdict = verdict_of(tmp_path / "a.nc")
+    text = verdict.sentence
     assert text.startswith("No order is measured: there is no reference.")
     assert "no limits h → 0: they need 3 solved levels" in text.lower()
     assert text.endswith("8 of 8 solutions (2 points, 4 levels).")
-    assert well
+    assert verdict.complete
 
 
 def test_the_plot(file, tmp_path, monkeypatch):
