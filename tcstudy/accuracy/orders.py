@@ -133,6 +133,21 @@ TIED = 1e-9
 """Relative difference of errors that is rounding, as on one mesh that two families begin with."""
 
 
+def equal_settings(sizes: Array, error: Array) -> NDArray[np.intp]:
+    """Return for each of n settings the first that has the same mesh and the same error.
+
+    sizes: (n, k) what tells meshes apart, such as their unknowns;  error: (n,)
+    """
+    first = np.arange(len(error))
+    for i in range(len(error)):
+        same_mesh = np.all(np.abs(sizes[:i] - sizes[i]) <= TIED * np.abs(sizes[i]), axis=1)
+        same_error = np.abs(error[:i] - error[i]) <= TIED * np.abs(error[i])
+        equal = np.flatnonzero(same_mesh & same_error)
+        if len(equal):
+            first[i] = first[equal[0]]
+    return first
+
+
 def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
     """(n,) points for which another costs and errs no more, but for TIED, and less in one of the
     two; all with NaN."""

@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tcstudy.accuracy.orders import dominated
+from tcstudy.accuracy.orders import dominated, equal_settings
 from tcstudy.data.records import Record
 from tcstudy.data.schema import PointStatus, missing
 from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
@@ -44,6 +45,7 @@ from tcstudy.study.run import stages, to_file
 
 Progress = Callable[[str, float | None], None]
 """(what is being done, seconds left if known)."""
+Array = NDArray[np.float64]
 Times = dict[str, float]
 """Wall time of one solution, from the body to its displacements, by solver [s]."""
 
@@ -140,10 +142,8 @@ def measure(
             "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
             "which shows as an error that does not fall."
         )
-    fastest = np.where(values["status"] == PointStatus.OK, np.min(values["time"], axis=-1), np.nan)
     for name in [m.name for m in MEASURES if f"error_{m.name}" in values]:
-        error = values[f"error_{name}"]
-        values[f"dominated_{name}"] = dominated(fastest.ravel(), error.ravel()).reshape(error.shape)
+        values[f"dominated_{name}"] = _dominated(values, values[f"error_{name}"])
     chosen = next(curve for curve in curves if curve.own is not None)
     said = {
         "reference": words,
@@ -157,6 +157,24 @@ def measure(
         "own_level": np.int32(chosen.own or 0),
     }
     return Record("cost", COST_TABLE, values, said | {"notes": "\n".join(notes)})
+
+
+def _dominated(values: dict[str, Any], error: Array) -> NDArray[np.bool_]:
+    """Return (family, solver, level) which settings another one beats in an error.
+
+    Settings of one solver on equal meshes are one: all their runs count.
+    """
+    time = np.where(values["status"] == PointStatus.OK, np.min(values["time"], axis=-1), np.nan)
+    solver = np.arange(error.shape[1])[:, None]
+    sizes = [
+        np.broadcast_to(size, error.shape).ravel().astype(float)
+        for size in (solver, *(values[name][:, None] for name in ("n_dof", "n_contact", "h_max")))
+    ]
+    first = equal_settings(np.stack(sizes, axis=1), error.ravel())
+    shared = np.full(error.size, np.inf)
+    np.fmin.at(shared, first, time.ravel())
+    shared[np.isinf(shared)] = np.nan
+    return dominated(shared[first], error.ravel()).reshape(error.shape)
 
 
 @dataclass

@@ -5,16 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from tcstudy.accuracy.limits import MIN_LEVELS as LIMIT_LEVELS
-from tcstudy.accuracy.orders import TIED
+from tcstudy.accuracy.orders import TIED, dominated, equal_settings
 from tcstudy.data.reading import axis_names, by_point, each_point
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.tables import BY_ITSELF, ERRORS, MEASURES, NUMBERS, VERDICTS, Measure
+from tcstudy.data.tables import BY_ITSELF, ERRORS, MEASURES, NUMBERS, OWN, VERDICTS, Measure
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
@@ -191,7 +190,6 @@ def convergence_parts(
     DrawError if there is no such point.
     """
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
-    yield labelled(convergence_lines(data))
     yield _levels(data)
     points = [locate(data, point)] if point else each_point(data)
     if len(points) > 1 and not full:
@@ -398,23 +396,41 @@ def settings(data: Any, measure: str) -> list[Any]:
     """All settings that were measured, family by family and solver by solver, coarse to fine.
 
     Each has its family, solver, level, status, n_dof, n_contact, and
-    error: relative;  time, upper: least wall time of all runs and their upper quartile [s]
+    error: relative;  time, lower, upper: least wall time of all runs and their quartiles [s]
     solved: whether it passed its acceptance test;  own: whether it is the study's own
+    families: all that have this very mesh, whose runs are taken together;  first: it stands for them
     dominated: whether another setting is as fast and as accurate, and better in one of the two
     """
+    sizes = ["n_dof", "n_contact", "h_max"]
     own = {part: data.attrs[f"own_{part}"] for part in ("family", "solver", "level")}
-    found = data[["status", "n_dof", "n_contact"]].assign(
+    columns = data[["status", *sizes]].assign(
         error=data[f"error_{measure}"],
-        time=data["time"].min("run", skipna=False),
-        upper=data["time"].quantile(0.75, "run", skipna=False),
         solved=data["status"] == PointStatus.OK,
-        dominated=data[f"dominated_{measure}"] == 1,
         own=(data["family"] == own["family"])
         & (data["solver"] == own["solver"])
         & (data["level"] == own["level"]),
     )
-    rows = found.to_dataframe(["family", "solver", "level"]).reset_index()
-    return list(rows[rows["status"] != PointStatus.NOT_RUN].itertuples(index=False))
+    dims = ["family", "solver", "level"]
+    rows = columns.to_dataframe(dims).reset_index()
+    runs = data["time"].transpose(*dims, "run").values.reshape(len(rows), -1)
+    measured = rows["status"].values != PointStatus.NOT_RUN
+    rows, runs = rows[measured].reset_index(drop=True), runs[measured]
+    solver = rows["solver"].astype("category").cat.codes
+    first = equal_settings(
+        np.column_stack([solver, *(rows[name] for name in sizes)]).astype(float),
+        rows["error"].values,
+    )
+    for mesh in np.unique(first):
+        equal = np.flatnonzero(first == mesh)
+        representative = next((i for i in equal if rows["own"][i]), mesh)
+        first[equal] = representative
+        least, lower, upper = np.quantile(runs[equal], (0.0, 0.25, 0.75))
+        rows.loc[equal, ["time", "lower", "upper"]] = least, lower, upper
+    rows["first"] = first == np.arange(len(rows))
+    rows["families"] = [tuple(rows["family"][first == mesh]) for mesh in first]
+    time = np.where(rows["solved"], rows["time"], np.nan)
+    rows["dominated"] = dominated(time, rows["error"].values)
+    return list(rows.itertuples(index=False))
 
 
 def words(setting: Any) -> str:
@@ -424,43 +440,97 @@ def words(setting: Any) -> str:
 
 
 def front(found: Sequence[Any]) -> list[Any]:
-    """Settings that no other beats in both, from fast to accurate."""
-    return sorted((s for s in found if not s.dominated), key=lambda s: s.time)
+    """Settings that no other beats in both, from fast to accurate, each mesh once."""
+    return sorted((s for s in found if s.first and not s.dominated), key=lambda s: s.time)
+
+
+def clearly_faster(one: Any, other: Any) -> bool:
+    """Return whether the quartiles of the times of two settings lie apart."""
+    return bool(one.upper < other.lower)
 
 
 def advice(found: Sequence[Any]) -> list[str]:
-    """Sentences: what is fastest at which error, and how the study's own settings compare."""
-    measured = [s for s in found if s.solved and np.isfinite(s.error)]
-    if measured and max(s.error for s in measured) <= EXACT:
+    """Sentences: the study's own setting, what is better, and which meshes suit which error."""
+    measured = [s for s in found if s.first and s.solved and np.isfinite(s.error)]
+    if not measured:
+        return ["no setting was solved"]
+    largest_error = max(s.error for s in measured)
+    if largest_error <= EXACT:
         least = min(measured, key=lambda s: s.time)
         return [
-            f"All errors are rounding (at most {max(s.error for s in measured):.1e}): every mesh represents this "
-            f"solution exactly, so more unknowns only cost time. Fastest: {words(least)} in {_seconds(least.time)}."
+            f"all errors are rounding (at most {largest_error:.1e}): every mesh represents this solution exactly",
+            f"least time measured: {words(least)} in {_seconds(least.time)}",
         ]
-    spans = []
-    for (family, solver), of in groupby(front(found), key=lambda s: (s.family, s.solver)):
-        ends = list(dict.fromkeys(percent(s.error) for s in of))
-        meshes = "the study's meshes" if family == "study" else f"{family} meshes"
-        span = f"from {ends[0]} to {ends[-1]}" if len(ends) > 1 else f"of {ends[0]}"
-        spans.append(f"{meshes} with {solver} for errors {span}")
-    told = [f"Fastest: {'; '.join(spans)}."] if spans else []
+    return [*_own_and_better(found, measured), *_front_words(found)]
+
+
+def _own_and_better(found: Sequence[Any], measured: Sequence[Any]) -> list[str]:
+    """Return the study's own setting, and those that are more accurate in less time, or in a time
+    that the runs do not tell apart."""
     own = next((s for s in found if s.own), None)
     if own is None:
-        return told
-    if own not in measured:
-        return [*told, f"The study's own settings ({words(own)}) were not solved."]
-    told.append(
-        f"The study's own settings ({words(own)}): error {percent(own.error)} in {_seconds(own.time)}."
-    )
-    better = [s for s in measured if s.time < own.time and s.error < own.error * (1.0 - TIED)]
-    if not better:
-        return [*told, "No other setting measured is both faster and more accurate."]
-    for s in dict.fromkeys((min(better, key=lambda s: s.time), min(better, key=lambda s: s.error))):
-        told.append(
-            f"Faster and more accurate: {words(s)}: {s.error / own.error:.2f} of the error in {s.time / own.time:.2f} "
-            f"of the time ({percent(s.error)} in {_seconds(s.time)})."
-        )
-    return told
+        return []
+    if not (own.solved and np.isfinite(own.error)):
+        return [f"the study's own setting ({words(own)}) was not solved"]
+    answer = [
+        f"the study's mesh: error {percent(own.error)} in {_seconds(own.time)} ({words(own)})"
+    ]
+    better = [s for s in measured if s.error < own.error * (1.0 - TIED)]
+    faster = [s for s in better if clearly_faster(s, own)]
+    if faster:
+        quickest = min(faster, key=lambda s: s.time)
+        most_accurate = min(faster, key=lambda s: s.error)
+        for s in dict.fromkeys((quickest, most_accurate)):
+            answer.append(f"faster and more accurate: {_setting_words(s, own)}")
+        return answer
+    alike = [s for s in better if not clearly_faster(own, s)]
+    if alike:
+        best = min(alike, key=lambda s: s.error)
+        return [*answer, f"more accurate, no clear difference in time: {_setting_words(best, own)}"]
+    return [*answer, "no other setting measured is both faster and more accurate"]
+
+
+def _setting_words(setting: Any, own: Any) -> str:
+    """Return a setting with its error and its time; the solver only where it is another one."""
+    mesh = words(setting).removesuffix(f", {own.solver}")
+    return f"{mesh}: {percent(setting.error)} in {_seconds(setting.time)}"
+
+
+def _front_words(found: Sequence[Any]) -> list[str]:
+    """Return which meshes and solvers are on the Pareto front at which errors.
+
+    A mesh that several families share counts with the family beside it on the front.
+    """
+    spans = list[tuple[set[str], list[Any]]]()
+    for s in front(found):
+        families = set(s.families)
+        joined = spans[-1][0] & families if spans and spans[-1][1][-1].solver == s.solver else set()
+        if joined:
+            spans[-1] = joined, [*spans[-1][1], s]
+        else:
+            spans.append((families, [s]))
+    solvers = {points[0].solver for _, points in spans}
+    texts = list[str]()
+    for families, points in spans:
+        family = next(s.family for s in found if s.family in families)
+        meshes = "the study's meshes" if family == OWN else family
+        solver = f" with {points[0].solver}" if len(solvers) > 1 else ""
+        errors = [percent(s.error).removesuffix(" %") for s in points]
+        ends = dict.fromkeys((errors[0], errors[-1]))
+        texts.append(f"{' to '.join(ends)} %: {meshes}{solver}")
+    return [f"least time for errors of {'; '.join(texts)}"] if texts else []
+
+
+def cost_lines(data: Any, measure: str) -> list[tuple[str, str]]:
+    """Return labelled lines: the advice, the scene, the reference, and what was solved."""
+    found = settings(data, measure)
+    point, runs = str(data.attrs["point"]), counted(data.sizes["run"], "run")
+    scene = f"one scene: {point}; {runs} each" if point else f"one scene; {runs} each"
+    reference = str(data.attrs["reference"]).removeprefix("the ")
+    solved = sum(s.solved for s in found)
+    lines = [("Answer", text) for text in advice(found)]
+    lines += [("Trust", scene), ("Accuracy", f"reference: {reference}")]
+    return [*lines, ("Solved", f"{solved} of {counted(len(found), 'setting')}")]
 
 
 def _seconds(time: float) -> str:
@@ -469,10 +539,10 @@ def _seconds(time: float) -> str:
 
 
 def cost_verdict(data: Any) -> Verdict:
-    """Return which of the settings measured to take."""
+    """Return the labelled lines of the error that is reported unless another one is named."""
     if not any(f"error_{m.name}" in data for m in MEASURES):
         return Verdict(answer=("nothing was measured",))
-    return Verdict(answer=tuple(advice(settings(data, measure_of(data, None)))))
+    return Verdict.of_lines(cost_lines(data, measure_of(data, None)))
 
 
 def cost_parts(data: Any, *_: Any) -> Iterator[Part]:
@@ -484,23 +554,19 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
     """The same of one of the errors."""
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
-    yield from advice(found)
-    where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
-    reference, runs = (
-        data.attrs["reference"].removeprefix("the "),
-        counted(data.sizes["run"], "run"),
-    )
+    yield labelled(cost_lines(data, measure))
     yield (
-        f"{where}Errors of {SYMBOLS[measure]} against the {reference}. Wall time from the body "
-        f"to the displacements, each run from nothing: least of {runs}, upper quartile."
+        f"Errors of {SYMBOLS[measure]}. Wall time from the body to the displacements, each run from "
+        "nothing: least of all runs, upper quartile. Equal meshes are one setting with the runs of all."
     )
     rows, solvers = [], data["solver"].values.tolist()
-    for family, level in dict.fromkeys((s.family, s.level) for s in found):
+    meshes = dict.fromkeys((s.family, s.level) for s in found if s.first)
+    for family, level in meshes:
         by_solver = {s.solver: s for s in found if (s.family, s.level) == (family, level)}
         one = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
         error = f"{one.error:.3e}" if np.isfinite(one.error) else "–"
         row = [
-            family,
+            ", ".join(one.families),
             str(level),
             str(one.n_dof),
             str(one.n_contact),

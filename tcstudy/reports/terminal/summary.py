@@ -66,8 +66,8 @@ def text_of(
     with open_root(file) as root:
         data = root.drop_vars(NOT_SAID if kind == "run" else [], errors="ignore").load()
     heading, *rest = KINDS[kind][1](data, full, point)
-    # the labelled lines of a convergence and of costs stand in their parts
-    first = [] if kind in ("convergence", "cost") else [verdict]
+    # the labelled lines of costs stand in their parts, which are those of one error
+    first = [] if kind == "cost" else [verdict]
     text = render([heading, *first, *rest]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text
