@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
@@ -44,6 +45,9 @@ class Mark:
     column: int = 0
 
 
+NOWHERE = Mark()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Node:
     """One value of the study.
@@ -61,21 +65,14 @@ class Node:
     shown_in: tuple[str, float] | None = None
 
     @classmethod
-    def of(cls, plain: object, path: str) -> Node:
-        """The node of a value without marks, which stands in no file."""
+    def of(cls, plain: object, path: str, mark: Mark = NOWHERE) -> Node:
+        """Return the node of a plain value, all of which has one mark."""
+        value: Any = plain
         if isinstance(plain, list):
-            return cls(
-                tuple(cls.of(item, f"{path}[{i}]") for i, item in enumerate(plain)),
-                path,
-                Mark(),
-                Mark(),
-            )
-        made = (
-            {key: cls.of(item, f"{path}.{key}") for key, item in plain.items()}
-            if isinstance(plain, dict)
-            else plain
-        )
-        return cls(made, path, Mark(), Mark())  # type: ignore[arg-type]
+            value = tuple(cls.of(item, f"{path}[{i}]", mark) for i, item in enumerate(plain))
+        elif isinstance(plain, dict):
+            value = {key: cls.of(item, f"{path}.{key}", mark) for key, item in plain.items()}
+        return cls(value, path, mark, mark)
 
     def plain(self) -> object:
         """The value without marks: scalars, dicts and lists."""
@@ -205,6 +202,10 @@ class Collector:
         self.at_mark(mark, key, *said)
         self._unreadable.add(mark)
 
+    def met_again(self) -> None:
+        """Count a fault that is recorded elsewhere, so that what needs its value is left unread."""
+        self._count += 1
+
     def at_mark(self, mark: Mark, key: str, *said: str) -> None:
         self._count += 1
         what, remedy = halves(said)
@@ -328,6 +329,9 @@ MAX_NODES = 500_000
 MAX_DEPTH = 40
 MAX_BYTES = 16_000_000
 """Of a study, or a table beside it; MAX_NODES numbers with their keys take less."""
+UNCOUNTED = re.compile(r"#[^\n]*|'[^']*'|\"[^\"]*\"|\n(?=\s*(?:#|\n))")
+"""Comments, texts in quotes and empty lines, which separate no values."""
+ESCAPE = re.compile(r"\\U([0-9A-Fa-f]{8})")
 TAG = "tag:yaml.org,2002:"
 TEXTS, NUMBERS = (
     {"!!str", "!!timestamp", "!!merge", "!!value"},
@@ -375,6 +379,11 @@ def compose(
     """The tree of a YAML text; raises StudyError if the text is no YAML, collects what else is wrong.
     path:   key path of the text's root
     option: the text is the value of a `--set` option, so that marks have no line"""
+    if (values := _values_at_least(text)) > MAX_NODES:
+        what = f"the text has about {values} values, of which at most {MAX_NODES} are read"
+        raise _refusal(file, what, "write long sweeps as {linspace: [a, b, n]}, or several studies")
+    if option and (node := _json_node(text, file, path)) is not None:
+        return node
     try:
         with warnings.catch_warnings():
             warnings.simplefilter(
@@ -391,11 +400,60 @@ def compose(
         ) from None
     except YAMLError as error:
         raise _syntax_error(error, text, file, option) from None
+    except OverflowError:
+        large = next(match for match in ESCAPE.finditer(text) if int(match[1], 16) > sys.maxunicode)
+        line, column = (0, 0) if option else _line_and_column(text, large.start())
+        what, remedy = (
+            f"the escape {large[0]} stands for no character",
+            "write the character itself",
+        )
+        raise _refusal(file, what, remedy, line, column) from None
     except (ValueError, IndexError, AttributeError, TypeError, AssertionError) as error:
         # Malformed escapes, directives and tags make the YAML library fail in its own code.
         raise _refusal(
             file, f"the YAML cannot be read ({error})", "look for odd directives, tags or escapes"
         ) from None
+
+
+def _json_node(text: str, file: str, path: str) -> Node | None:
+    """Return the tree of an option that is JSON, as programs write them: that takes a hundredth of
+    the time. None for other texts, and for those with a fault."""
+    if text[:1] not in ("[", "{") or "\\" in text:
+        return None
+
+    def distinct(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        mapping = dict(pairs)
+        if len(mapping) < len(pairs):
+            raise ValueError("a key is given twice")
+        return mapping
+
+    try:
+        plain = json.loads(text, object_pairs_hook=distinct)
+    except (ValueError, RecursionError):
+        return None
+    return Node.of(plain, path, Mark(file))
+
+
+def _values_at_least(text: str) -> int:
+    """Return a lower bound of the values in a YAML text of the usual form, counted without reading
+    it: a line of a block has one at least, a comma of a list or a mapping separates two."""
+    if len(text) <= MAX_NODES:
+        return 0
+    bare = UNCOUNTED.sub("", text)
+    return bare.count(",") + bare.count("\n")
+
+
+def _line_and_column(text: str, position: int) -> tuple[int, int]:
+    """Return the place of a character, both from 1."""
+    return text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+
+
+def joined_surrogates(text: str) -> str:
+    """Return a text with pairs of surrogates, as JSON writes characters beyond 16 bits, joined to
+    these characters. Raises UnicodeError for half of a pair."""
+    if text.isascii():
+        return text
+    return text.encode("utf-16", "surrogatepass").decode("utf-16")
 
 
 def _refusal(
@@ -415,7 +473,7 @@ def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> Study
         if start is not None and start.line + 1 != line:
             what += f" (begun in line {start.line + 1})"
     elif isinstance(position, int):
-        line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+        line, column = _line_and_column(text, position)
         what = f"the character {text[position : position + 1]!r} is not allowed in YAML"
     remedy = "correct the YAML here or in the lines above: quotes, brackets, a colon, indentation by blanks"
     if what.endswith("but got '['") and (
@@ -469,7 +527,7 @@ class _Builder:
                 mark, path, f"the YAML tag {tag} is not supported", "remove the tag"
             )
         elif tag in TEXTS:
-            value = str(node.value)
+            value = self.text(str(node.value), mark, path)
         elif len(node.value) > LONGEST:
             said = (
                 f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
@@ -485,17 +543,28 @@ class _Builder:
         self.open.pop()
         return Node(value, path, mark, key or mark)
 
+    def text(self, text: str, mark: Mark, path: str) -> str:
+        """Return a text as it was meant; an empty one after a fault."""
+        try:
+            return joined_surrogates(text)
+        except UnicodeError:
+            what = "an escape such as \\ud83d is half a character"
+            self.errors.unreadable(mark, path, what, "write the character itself, or both halves")
+            return ""
+
     def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:
         children: dict[str, Node] = {}
         for key, item in node.value:
-            mark, inner = self.mark(key), f"{path}.{key.value}" if path else str(key.value)
+            mark = self.mark(key)
+            name = self.text(str(key.value), mark, path)
+            inner = f"{path}.{name}" if path else name
             if not isinstance(key, ScalarNode):
                 self.errors.at_mark(mark, path, "a key must be one word", "write `key: value`")
             elif str(key.tag) == TAG + "merge":
                 self.errors.at_mark(
                     mark, inner, "merge keys are not supported", "write the keys out"
                 )
-            elif (name := str(key.value)) in children:
+            elif name in children:
                 first = children[name].key_mark.line
                 where = f" (first in line {first})" if first else ""
                 self.errors.at_mark(

@@ -18,11 +18,12 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
 from graphlib import CycleError, TopologicalSorter
+from itertools import islice
 from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
@@ -56,8 +57,9 @@ V = TypeVar("V")
 
 
 def is_name(text: str) -> bool:
-    """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
-    return text.isascii() and text.replace("_", "a").isalnum()
+    """Whether a text may be the name of an edge or a region: letters, digits and underscores, at
+    most MAX_NAME of them."""
+    return len(text) <= MAX_NAME and text.isascii() and text.replace("_", "a").isalnum()
 
 
 def elsewhere(key: str, path: str) -> str:
@@ -94,6 +96,10 @@ def none_after_fault(
     return read
 
 
+MAX_NAME = 100
+"""Characters of a name that the user gives: names in files, which are made of it, have at most 256."""
+MAX_NAMES_SHOWN = 50
+"""Names of a study that a message may show or suggest."""
 MOST = 2**31 - 1
 """Largest whole number that any key takes."""
 LISTS = {
@@ -144,6 +150,7 @@ class Context:
     its named numbers.
 
     before: how often faults were met before the section that is read
+    unread: named numbers without a value, whose fault is recorded
     """
 
     errors: Collector
@@ -151,6 +158,7 @@ class Context:
     folder: Path = Path()
     named: dict[str, Named] = field(default_factory=dict)
     before: int = 0
+    unread: set[str] = field(default_factory=set)
 
     def at(self, node: Node, *said: str, key: str | None = None, on_key: bool = False) -> None:
         """Record a fault (`Collector.at`)."""
@@ -173,6 +181,9 @@ class Context:
         """A number in SI, or where it may vary in space an expression; NaN after a fault."""
         write = f"write for example {self.example(dimension.example)}"
         write += " or an expression such as 2*sin(pi*x)" if varies else ""
+        if self.unread and isinstance(node.value, str) and words_in(node, self.unread):
+            self.errors.met_again()
+            return math.nan
         try:
             value = (
                 self._of_text(node, node.value, dimension, write)
@@ -214,15 +225,31 @@ class Context:
             remedy = f"write a decimal point: {text.replace(',', '.', 1).strip()}"
             raise UnitError(f"{comma[0].strip()!r} has a decimal comma", remedy)
         try:
-            expression = expression_of(text, self.named, dimension if self.units == "SI" else None)
+            expression = expression_of(
+                text, self.named_in(text), dimension if self.units == "SI" else None
+            )
         except expressions.ExpressionError as error:
-            what, _, remedy = str(error).partition("; ")
+            what, _, remedy = self._expression_fault(text, str(error)).partition("; ")
             if (
                 " or an expression" not in write and not self.named
             ):  # with names it was meant as an expression
                 what, remedy = f"{node.brief()!r} is not {dimension.name}", ""
             raise UnitError(what, remedy or write) from None
         return expression if expression.constant is None else expression.constant
+
+    def _expression_fault(self, text: str, otherwise: str) -> str:
+        """Return what is wrong with an expression, with the study's names among what is allowed."""
+        shown = islice(self.named, MAX_NAMES_SHOWN)
+        try:
+            parse(text, tuple(dict.fromkeys((*self.named_in(text), *shown))))
+        except expressions.ExpressionError as error:
+            return str(error)
+        return otherwise
+
+    def named_in(self, text: str) -> dict[str, Named]:
+        """Return the named numbers that occur in a text."""
+        words = dict.fromkeys(WORD.findall(text)) if self.named else ()
+        return {word: self.named[word] for word in words if word in self.named}
 
     def quantity(self, node: Node, dimension: Dimension) -> float:
         """A number in SI that is the same everywhere; NaN after a fault."""
@@ -511,29 +538,65 @@ UNNAMED = ("title", "institution", "units", "output", "parameters", "sweep")
 """Sections in which a name of a parameter is a word like others."""
 
 
-def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
-    """The value and the dimension of every name; without those that have a fault."""
-    given = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
+MAX_CIRCLES = 10
+"""Circles of names that are each reported before the rest of the names is left unread."""
+
+
+def read_parameters(
+    ctx: Context, node: Node | None, kept: Mapping[str, Named] | None = None
+) -> dict[str, Named]:
+    """Return the value and the dimension of every name, and add those with a fault to `ctx.unread`.
+
+    kept: names that need not be read again, with their values
+    """
+    known = kept or {}
+    every = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
+    given = {name: item for name, item in every.items() if name not in known}
+    ctx.unread.difference_update(given)
     for name, item in given.items():
-        if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
-            taken = f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
-            ctx.at(item, taken, "use letters, digits and _", on_key=True)
-    inner, made_of = (
-        replace(ctx, named={}),
-        {name: words_in(item, given) for name, item in given.items()},
-    )
-    try:
-        for name in TopologicalSorter(made_of).static_order():
-            before = len(ctx.errors)
-            found = _number(inner, given[name])
-            if len(ctx.errors) == before:
-                inner.named[name] = found
-    except CycleError as error:
-        circle = error.args[1][:0:-1]
-        first = next(i for name in given for i, one in enumerate(circle) if one == name)
+        fault = _name_fault(name)
+        if fault:
+            ctx.at(item, fault, "use letters, digits and _", on_key=True)
+    inner = replace(ctx, named={**known})
+    for name in _reading_order(ctx, given):
+        before = len(ctx.errors)
+        value = _number(inner, given[name])
+        if len(ctx.errors) == before:
+            inner.named[name] = value
+        else:
+            inner.unread.add(name)
+    ctx.unread.update(name for name in given if name not in inner.named)
+    unread = Named(math.nan, NONE)
+    return {name: inner.named.get(name, unread) for name in every}
+
+
+def _name_fault(name: str) -> str:
+    """Return why a text cannot be the name of a parameter; empty if it can."""
+    if len(name) > MAX_NAME:
+        return f"the name has {len(name)} characters; at most {MAX_NAME} are possible"
+    if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
+        return f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
+    return ""
+
+
+def _reading_order(ctx: Context, given: Mapping[str, Node]) -> list[str]:
+    """Return the names, each after those that it is made of; without those in circles, which are
+    faults."""
+    made_of = {name: words_in(item, given) for name, item in given.items()}
+    position = {name: place for place, name in enumerate(given)}
+    for _ in range(MAX_CIRCLES):
+        try:
+            return list(TopologicalSorter(made_of).static_order())
+        except CycleError as error:
+            circle = error.args[1][:0:-1]
+        first = min(range(len(circle)), key=lambda place: position[circle[place]])
         words = " → ".join([*circle[first:], *circle[: first + 1]])
         ctx.at(given[circle[first]], f"is made of itself: {words}", "give one of these a number")
-    return {name: inner.named[name] for name in given if name in inner.named}
+        ctx.unread.update(circle)
+        made_of = {
+            name: names.difference(circle) for name, names in made_of.items() if name not in circle
+        }
+    return []
 
 
 def _number(ctx: Context, node: Node) -> Named:
@@ -551,7 +614,8 @@ def _number(ctx: Context, node: Node) -> Named:
         with suppress(
             expressions.ExpressionError, UnitError
         ):  # which whoever reads the number says
-            found = units_of(parse(node.value, tuple(ctx.named)), ctx.named)
+            used = ctx.named_in(node.value)
+            found = units_of(parse(node.value, tuple(used)), used)
             dimension = next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)
     return Named(ctx.quantity(node, dimension), dimension)
 
@@ -565,9 +629,9 @@ def _of_unit(unit: str) -> Dimension | None:
     return None
 
 
-def words_in(node: Node, names: Iterable[str]) -> frozenset[str]:
-    """The names that occur in the texts below a node."""
-    return _words(node) & {*names}
+def words_in(node: Node, names: Container[str]) -> frozenset[str]:
+    """Return those of the names that occur in the texts below a node."""
+    return frozenset(word for word in _words(node) if word in names)
 
 
 @lru_cache(maxsize=65536)
@@ -580,9 +644,33 @@ def _words(node: Node) -> frozenset[str]:
 
 
 def users(root: Node, name: str) -> set[str]:
-    """The names that follow from one, itself included."""
-    section, found, size = root.at("parameters"), {name}, 0
-    while section is not None and len(found) > size:
-        size = len(found)
-        found |= {other for other, node in section.children.items() if words_in(node, found)}
-    return found
+    """Return the names that follow from one, itself included."""
+    section = root.at("parameters")
+    return _reached({name}, _followers(section) if section else {})
+
+
+@lru_cache(maxsize=16)
+def _followers(section: Node) -> dict[str, list[str]]:
+    """Return by name of a parameter the names whose texts have it."""
+    followers: dict[str, list[str]] = {}
+    for name, node in section.children.items():
+        for word in words_in(node, section.children):
+            followers.setdefault(word, []).append(name)
+    return followers
+
+
+def names_needed(section: Node, readers: Iterable[Node]) -> set[str]:
+    """Return the names of the section `parameters` that other sections use, also by other names."""
+    names = section.children
+    used = {word for node in readers for word in words_in(node, names)}
+    return _reached(used, {name: words_in(node, names) for name, node in names.items()})
+
+
+def _reached(start: set[str], steps: Mapping[str, Iterable[str]]) -> set[str]:
+    """Return all that can be reached from some names, these included."""
+    reached, waiting = set(start), list(start)
+    while waiting:
+        new = [name for name in steps.get(waiting.pop(), ()) if name not in reached]
+        reached.update(new)
+        waiting.extend(new)
+    return reached

@@ -55,6 +55,8 @@ Cells = list[tuple[Node, ...]]
 SHUFFLED = 4.0
 """Way through the data over the shortest tree of lines that joins them, above which they are in no
 order."""
+MAX_JOINED = 3000
+"""Data of which that is judged: it takes the square of their number."""
 
 
 @none_after_fault
@@ -198,6 +200,8 @@ def _to_and_fro(plan: FitPlan) -> float:
     from scipy.sparse.csgraph import minimum_spanning_tree
     from scipy.spatial.distance import pdist, squareform
 
+    if plan.count > MAX_JOINED:
+        return 1.0
     points = np.array([plan.given[0].values, plan.measured[0].values])
     reach = np.ptp(points, axis=1, keepdims=True)
     apart = squareform(pdist((points / np.where(reach > 0.0, reach, 1.0)).T))

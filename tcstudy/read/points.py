@@ -28,9 +28,12 @@ from tcstudy.read.fields import Context, Fields, none_after_fault, only_key
 from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Design, Distribution, count
 from tcstudy.scene.keys import Key, row
 from tcstudy.scene.parameters import NUMBERS, WHOLE, Keys, path_of
-from tcstudy.scene.units import NONE, NUMBER, split_quantity
+from tcstudy.scene.units import LONGEST, NONE, NUMBER, split_quantity
 
-CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,"]*)\s*(?:,|$)')
+CELL = re.compile(r'\s*+(?:"((?:[^"]|"")*+)"\s*+|([^,"]*+))(,|$)')
+"""A cell, in quotes or bare, and what ends it; it never tries again what it has read."""
+MAX_CELLS = 450_000
+"""Cells of a table; a study keeps them as text."""
 MAX_POINTS = 1_000_000
 Nodes = tuple[Node, ...]
 
@@ -64,10 +67,16 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
     except StudyError as error:
         ctx.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
         return "", []
+    cells = text.count(",") + text.count("\n") + 1
+    if cells > MAX_CELLS:
+        what = f"{path} has about {cells} values; at most {MAX_CELLS} are read"
+        ctx.at(node, what, "use fewer lines, or several studies, whose files xarray joins")
+        return "", []
     lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
     heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
     words = [str(cell.value) for cell in heads]
-    twice = [k for k, word in enumerate(words) if word and word in words[:k]]
+    first = {word: k for k, word in reversed([*enumerate(words)])}
+    twice = [k for k, word in enumerate(words) if word and first[word] < k]
     other = [
         name
         for name, mark in {"semicolons": ";", "tabs": "\t"}.items()
@@ -118,12 +127,12 @@ def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]
                     'write "..." around a text',
                 )
                 break
-            mark = Mark(file, number, match.start(1) + 1)
-            word = match[1].strip()
-            cells.append(
-                Node(word[1:-1].replace('""', '"') if word[:1] == '"' else word, "", mark, mark)
-            )
-            at = match.end() + (not match[0].endswith(","))
+            quoted, bare, end = match.groups()
+            start = match.start(2) if quoted is None else match.start(1) - 1
+            mark = Mark(file, number, start + 1)
+            word = bare.strip() if quoted is None else quoted.replace('""', '"')
+            cells.append(Node(word, "", mark, mark))
+            at = match.end() + (end != ",")
         yield tuple(cells)
 
 
@@ -134,7 +143,7 @@ def table_value(ctx: Context, cell: Node, unit: str) -> Node:
         ctx.errors.unreadable(
             cell.mark, cell.path, "is empty", "give every parameter a value in every line"
         )
-    number = re.fullmatch(NUMBER, word)
+    number = re.fullmatch(NUMBER, word) if len(word) <= LONGEST else None
     if unit and split_quantity(word) is not None:
         ctx.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
     return (

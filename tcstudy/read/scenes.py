@@ -143,7 +143,7 @@ class SceneReader:
 
         base: the record of the base study, which an untouched section keeps
         """
-        axes, names = self.touching[section], self.root
+        axes, names, moved = self.touching[section], self.root, set[str]()
         own = {s: n for s in KEYS.get(section, (section,)) if (n := self.root.at(s))}
         root: Node | None = Node(own, "", self.root.mark, self.root.mark)
         if not axes:
@@ -153,6 +153,7 @@ class SceneReader:
             path, value = axis.path, axis.values[at]
             if path[0] == "parameters":
                 names = put(names, path, value)
+                moved |= users(self.root, path[-1])
             elif root is not None:
                 try:
                     root = put_number(root, path, value)
@@ -161,9 +162,11 @@ class SceneReader:
                 ):  # the base study has something else there, which is recorded already
                     root = None
         if names is not self.root:
-            self.ctx.named = read_parameters(self.ctx, names.at("parameters"))
+            kept = {name: one for name, one in self.named.items() if name not in moved}
+            self.ctx.named = read_parameters(self.ctx, names.at("parameters"), kept)
         record = self.section(section, root)
         self.ctx.named = self.named
+        self.ctx.unread -= moved
         return root, record
 
     def _compare_points(

@@ -108,7 +108,7 @@ def read_study_text(
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
     before = len(ctx.errors)
     ctx.named = read_parameters(ctx, root.at("parameters"))
-    if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
+    if len(ctx.errors) > before and not ctx.named:  # every use of a name would be one fault more
         raise StudyError(ctx.errors.problems)
     if swept is None:
         swept = not root.at("path") or bool(root.at("history") or root.at("fit"))

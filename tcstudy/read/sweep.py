@@ -167,6 +167,9 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
     path = path_of(key)
     for own in (("parameters", key), path):  # what a study names goes first
         if found := _row_at(ctx, root, own):
+            if own[0] == "parameters" and own[-1] in ctx.unread:
+                ctx.errors.met_again()
+                return None
             return Parameter(own, found)
     what = f"the study has no parameter {key!r} to sweep"
     known = _known(ctx, root)
@@ -403,14 +406,14 @@ def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
 
 
 def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> None:
-    paths: dict[Keys, str] = {}
+    first_of: dict[Keys, SweptAxis] = {}
     for axis in axes:
-        if (first := paths.setdefault(axis.path, axis.key)) != axis.key:
-            ctx.at(
-                axis.node,
-                f"sweeps the same parameter as {first!r}; keep one of the two",
-                on_key=True,
-            )
+        first = first_of.setdefault(axis.path, axis)
+        if first is not axis:
+            # of a table the headings tell them apart, which differ in units only
+            name = first.key if first.key != axis.key else first.node.text()
+            what = f"sweeps the same parameter as {name!r}"
+            ctx.at(axis.node, f"{what}; keep one of the two", on_key=True)
     lengths = [len(axis.values) for axis in axes if axis.values]
     same = [  # of numbers those in SI, of others the texts
         [
@@ -495,8 +498,8 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
 
 @none_after_fault
 def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
-    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included;
-    geometric spacing rounded to what logarithms give. None after a fault."""
+    """Return the n values of {linspace: [a, b, n]} or {geomspace: [a, b, n]} from a to b, both
+    included: those that NumPy gives of the ends in SI. None after a fault."""
     kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
     ctx.sound()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
@@ -510,21 +513,13 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     if a == b:
         ctx.at(item, "both ends are equal, so the values are repeated", "give two different ends")
     ctx.sound()
-    shares = [i / (n - 1) for i in range(1, n - 1)]
-    if kind == "linspace":
-        between = [a + (b - a) * t for t in shares]
-    else:
-        between = [
-            math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a)
-            for t in shares
-        ]
+    between = (np.linspace if kind == "linspace" else np.geomspace)(a, b, n)[1:-1].tolist()
     unit = (
         common_unit([end.value for end in item.entries[:2]], dimension)
         if ctx.units == "SI"
         else ("", 1.0)
     )
-    numbers = (a, *(float(f"{value:.15g}") for value in between), b)
-    return tuple(replace(item, value=value, shown_in=unit) for value in numbers)
+    return tuple(replace(item, value=value, shown_in=unit) for value in (a, *between, b))
 
 
 def _drawn(

@@ -35,6 +35,7 @@ class Dimension:
 
 NONE = Dimension("a plain number", "", "1", "0.3")
 LENGTH = Dimension("a length", "m", "m", "20 mm")
+AREA = Dimension("an area", "m^2", "m2", "300 mm^2")
 TRACTION = Dimension("a stress", "Pa", "Pa", "20 MPa")
 STIFFNESS = Dimension("a traction per slip", "Pa/m", "Pa m-1", "5e9 Pa/m")
 BODY_FORCE = Dimension("a force per volume", "N/m^3", "N m-3", "-77 kN/m^3")
@@ -79,9 +80,10 @@ USUAL = (
 )
 """Units that are suggested when one is misspelt in upper and lower case."""
 
-NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+"""A number in decimals; tried in a time that grows with its length, as is QUANTITY."""
 QUANTITY = re.compile(
-    rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL
+    rf"({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°℃℉K%]|(?<=\s)[0-9(]).*)", re.DOTALL
 )
 UNIT = re.compile(r"[A-Za-zµμΩΩ°%*/^()\s0-9_-]{1,60}")
 LONGEST = 2000
@@ -105,9 +107,7 @@ class UnitError(ValueError):
 def split_quantity(text: str) -> tuple[str, str] | None:
     """The number and the unit of a text like "210 GPa"; None if it is not of that form (an
     expression, say)."""
-    match = (
-        QUANTITY.fullmatch(text) if len(text) <= LONGEST else None
-    )  # which takes the square of the length
+    match = QUANTITY.fullmatch(text.strip()) if len(text) <= LONGEST else None
     return (match[1], match[2]) if match else None
 
 

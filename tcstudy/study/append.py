@@ -65,7 +65,8 @@ def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> 
 def merge_studies(old: Study, new: Study) -> Study:
     """The study with the points of both; one of the two where it has them all. Raises StoreError,
     StudyError. Title, output and the like are those of the new one."""
-    for one, other in ((new, old), (old, new)):
+    fitted = with_labels_of(old, new)
+    for one, other in ((new, old), (old, fitted)):
         if np.all(places_in(one, other) >= 0):
             return one
     if old.design is not None or new.design is not None:
@@ -75,10 +76,11 @@ def merge_studies(old: Study, new: Study) -> Study:
         )
     if old.mode == new.mode == "grid":
         columns = [
-            [*dict([*one.labelled(), *_axis(new, one.path).labelled()]).items()] for one in old.axes
+            [*dict([*one.labelled(), *_axis(fitted, one.path).labelled()]).items()]
+            for one in old.axes
         ]
     else:
-        every = (point for study in (old, new) for point in points_of(study, old, Axis.labelled))
+        every = (point for study in (old, fitted) for point in points_of(study, old, Axis.labelled))
         points = {tuple(label for label, _ in point): point for point in every}
         columns = [[*column] for column in zip(*points.values(), strict=True)]
     pairs = [zip(*column, strict=True) for column in columns]
@@ -89,6 +91,32 @@ def merge_studies(old: Study, new: Study) -> Study:
     name = str(new.source) if new.source is not None else "<text>"
     mode = "grid" if old.mode == new.mode == "grid" else "list"
     return read_study_text(new.text, name, with_sweep(new.overrides, mode, axes), new.source)
+
+
+MAX_ROUNDING = 4.0 * np.finfo(float).eps
+"""Relative difference of two labels that are one number, computed or written in two ways."""
+
+
+def with_labels_of(old: Study, new: Study) -> Study:
+    """Return the new study with the labels of the old one where its own differ by rounding only, as
+    those of a range and of the same numbers in a list."""
+    axes = tuple(_with_labels_of(_axis(old, axis.path), axis) for axis in new.axes)
+    return replace(new, axes=axes)
+
+
+def _with_labels_of(old: Axis, new: Axis) -> Axis:
+    if any(isinstance(label, str) for label in (*old.labels, *new.labels)):
+        return new
+    values = dict(old.labelled())
+    known = np.sort(np.array(old.labels, dtype=float))
+    labels = np.array(new.labels, dtype=float)
+    above = np.clip(np.searchsorted(known, labels), 1, max(1, len(known) - 1))
+    pairs = known[np.clip([above - 1, above], 0, len(known) - 1)]
+    nearest = pairs[np.argmin(np.abs(pairs - labels), axis=0), np.arange(len(labels))]
+    equal = np.abs(nearest - labels) <= MAX_ROUNDING * np.abs(labels)
+    kept = np.where(equal, nearest, labels).tolist()
+    fitted = dict(zip(kept, new.values, strict=True)) | values
+    return replace(new, labels=tuple(kept), values=tuple(fitted[label] for label in kept))
 
 
 def _axis(study: Study, path: tuple[str, ...]) -> Axis:

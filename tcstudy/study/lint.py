@@ -29,7 +29,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
 from tcstudy.read.document import Collector, Found, located, tree_of
-from tcstudy.read.fields import users, words_in
+from tcstudy.read.fields import names_needed
 from tcstudy.scene.points import combinations, distinct, idle_notes, why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study
@@ -208,11 +208,8 @@ def unused(study: Study) -> list[str]:
         for key, node in sections.items()
         if key not in ("title", "institution", "units", "parameters")
     ]
-    idle = [
-        name
-        for name in names.value
-        if not any(words_in(node, users(root, name)) for node in others)
-    ]
+    needed = names_needed(names, others)
+    idle = [name for name in names.value if name not in needed]
     what, remedy = (
         "no number of the study uses this name",
         "write it where it is meant, or remove it",

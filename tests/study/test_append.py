@@ -112,6 +112,25 @@ def test_append_of_other_values_makes_the_grid_of_all(
     assert counted.points == 5 * 2
 
 
+RANGE = "{linspace: [0.1 um, 0.7 um, 7]}"
+LISTED = [f"0.{n} um" for n in range(1, 8)]
+
+
+@pytest.mark.parametrize(
+    "equal", ["{linspace: [100 nm, 7e-4 mm, 7]}", f"[{', '.join(LISTED)}]", f"[{LISTED[2]}]"]
+)
+def test_equal_values_append_nothing_however_they_are_written(equal: str) -> None:
+    """A range has the values of NumPy, which differ from those of a list by rounding."""
+    text = TEXT.replace("units: none", "").replace("0.01}", "1 MPa}", 1)
+    law = "friction={law: slip-weakening, tau_s: 2 MPa, tau_k: 1 MPa, delta: 1 um}"
+    old, new = (
+        read_study_text(text, "s", [law.replace(", delta: 1 um", ""), f"sweep={{delta: {values}}}"])
+        for values in (RANGE, equal)
+    )
+    assert old.axes[0].labels == tuple(np.linspace(1e-7, 7e-7, 7))
+    assert merge_studies(old, new).axes[0].labels == old.axes[0].labels
+
+
 def test_a_run_solves_again_what_broke_down(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
