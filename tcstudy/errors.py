@@ -46,11 +46,61 @@ def shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
+SYNONYMS = {
+    "clamped": "fixed fix encastre built_in dirichlet displacement prescribed support supported held",
+    "traction": "neumann load loaded stress pressure",
+    "convection": "robin film cooled cooling convective heat_exchange",
+    "symmetry": "roller mirror sliding",
+    "contact": "friction interface bond bonded glued adhesive",
+    "free": "none nothing unloaded",
+    "tau": "tau_max tau_f tau_u tau_p tau_b tau_peak taumax bond_strength shear_strength",
+    "tau_s": "tau_max tau_f tau_u tau_p tau_b tau_peak taumax static",
+    "a": "tau_max tau_peak",
+    "tau_k": "tau_res tau_residual tau_d tau_r kinetic",
+    "tau_r": "tau_res tau_residual tau_d tau_k",
+    "sf": "s_max s_f s_u s_ult smax slip_max max_slip ultimate_slip delta_f delta_u final_slip",
+    "delta": "s_max s_f s_u smax d_c slip_max max_slip critical_slip slip_distance",
+    "s0": "s_0 s_y s_e delta_0 elastic_slip",
+    "G_f": "gf g_c gc g_ii fracture_energy",
+    "bilinear": "triangular cohesive",
+    "elastic-plastic": "elastic-perfectly-plastic elastoplastic elasto-plastic",
+    "tresca": "constant rigid-plastic perfectly-plastic",
+    "piecewise-linear": "polygon polyline tabulated multilinear",
+    "E": "young youngs_modulus young_modulus modulus elastic_modulus e_modulus",
+    "nu": "poisson poissons_ratio poisson_ratio v",
+    "alpha_T": "cte thermal_expansion expansion alphat alpha_th",
+    "k": "conductivity thermal_conductivity",
+    "alpha": "htc film_coefficient heat_transfer_coefficient",
+    "theta_bar": "ambient t_inf t_air t_ambient t_ext t_env air",
+    "theta": "temperature t delta_t",
+    "file": "step stp cad brep iges geometry",
+    "outline": "polygon vertices corners polyline",
+    "rectangle": "box rect square",
+    "regions": "subdomains domains parts",
+    "boundary": "constraints bcs bc edges boundary_conditions",
+    "maxh": "h h_max hmax size mesh_size element_size",
+    "levels": "refinements refinement_levels",
+    "linspace": "range linear spaced",
+    "geomspace": "logspace log geometric",
+    "u_T_max": "max_slip slip_max largest_slip maximum_slip u_max",
+    "friction_resultant": "force resultant friction friction_force reaction",
+    "shear_max": "max_shear shear tau_max xi_max",
+    "theta_mean": "temperature mean_temperature",
+}
+"""Words of a study or a file, with those that people type for them."""
+
+
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word most like the given one, if any is."""
+    """Return the known word that means the same as the given one, else the one most like it, if any
+    is."""
     lowered = {name.lower(): name for name in known}
+    for name in lowered.values():
+        if word.lower() in SYNONYMS.get(name, "").split():
+            return name
     near = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.55)
-    return lowered[near[0]] if near else None
+    longer = (name for name in lowered if name.startswith(f"{word.lower()}_"))
+    meant = near[0] if near else next(longer, None)
+    return lowered[meant] if meant is not None else None
 
 
 def hint(word: str, known: Iterable[str], otherwise: str) -> str:

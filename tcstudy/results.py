@@ -8,7 +8,6 @@ can mend is a kind of tcstudy.UserFault. Left out: making result files (`tcstudy
 from __future__ import annotations
 
 import base64
-import difflib
 import html
 import os
 import tempfile
@@ -18,7 +17,15 @@ from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import DrawError, GeometryFailed, StoreError, UsageError, python_door, tell
+from tcstudy.errors import (
+    DrawError,
+    GeometryFailed,
+    StoreError,
+    UsageError,
+    nearest,
+    python_door,
+    tell,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -76,8 +83,8 @@ class Result:
                 item = tree[name].load()
             except KeyError:
                 names = [str(name) for name in (*tree.variables, *tree.children)]
-                near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
-                meant = f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(names)}"
+                near = nearest(str(name), names)
+                meant = f"; did you mean {near!r}?" if near else f"; it has {', '.join(names)}"
                 raise KeyError(f"the result has no {name!r}{meant}") from None
         self._items[name] = item
         return item

@@ -95,6 +95,8 @@ def _digest(stream: BinaryIO, length: int) -> bytes:
 
 
 ANEW = "Run the study again with --force to make it anew"
+AWAY = "Remove it and run the study again"
+"""What to do with a damaged file: --force replaces what is known to be a result, and nothing else."""
 FINISHED = "finished"
 """Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
 PARTIAL = ".partial"
@@ -145,8 +147,11 @@ def attributes(path: Path) -> dict[str, Any]:
     try:
         found = _attributes(path)
     except Unreadable as error:
+        if is_locked(path):
+            what = "is open in another program, which may be changing it. Close it there"
+            raise StoreError(f"{path} {what}") from error
         raise StoreError(
-            f"{path} is no netCDF file or is cut short or damaged ({error}). {ANEW}"
+            f"{path} is no netCDF file or is cut short or damaged ({error}). {remedy_of(path)}"
         ) from error
     except (OSError, RuntimeError) as error:
         raise StoreError(
@@ -154,9 +159,29 @@ def attributes(path: Path) -> dict[str, Any]:
         ) from error
     if not _says_ours(found):
         raise StoreError(
-            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {ANEW}"
+            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. "
+            f"{remedy_of(path)}"
         )
     return found
+
+
+def remedy_of(path: Path) -> str:
+    """Return what to do with a file that cannot be read."""
+    return AWAY if is_foreign(path) else ANEW
+
+
+def is_locked(path: Path) -> bool:
+    """Return whether a program has a file open to write it, as the HDF5 library locks it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return False
+    with open(path, "rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+    return False
 
 
 def _attributes(path: Path) -> dict[str, Any]:

@@ -218,6 +218,8 @@ class Collector:
         self._met |= same
         if self.point and (self.drawn or not key.startswith("sweep")):
             what = f"{what} ({'' if self.drawn else 'with '}{self.point})"
+            if self.drawn and remedy.startswith("write"):  # a value, where a distribution stands
+                remedy = "give a distribution of values that are possible"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
         if problem in self._met:
             return

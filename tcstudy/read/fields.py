@@ -39,12 +39,14 @@ from tcstudy.scene.units import (
     LONGEST,
     NONE,
     NUMBER,
+    PLAIN_SIGNS,
     TRACTION,
     Dimension,
     Named,
     UnitError,
     dimensions_of,
     expression_of,
+    marked_number,
     split_quantity,
     to_si,
     units_of,
@@ -217,13 +219,21 @@ class Context:
             what = f"is a text of {len(text)} characters, of which at most {LONGEST} are read"
             raise UnitError(what, "round it, or shorten the expression")
         if parts := split_quantity(text):
+            if self.units == "SI" and parts[1][:1].isdigit() and (marked := marked_number(text)):
+                raise UnitError(*marked)
             if self.units == "SI":
                 return to_si(*parts, dimension)
             what = f"{node.brief()!r} has a unit, but the study says units: none"
             raise UnitError(what, "write the plain number, or drop `units: none`")
-        if comma := re.match(r"\s*[-+]?\d+,\d", text):
-            remedy = f"write a decimal point: {text.replace(',', '.', 1).strip()}"
-            raise UnitError(f"{comma[0].strip()!r} has a decimal comma", remedy)
+        if marked := marked_number(text):
+            raise UnitError(*marked)
+        plain = text.translate(PLAIN_SIGNS)
+        if plain != text and self._is_sound(node, plain, dimension):
+            sign = next(character for character in text if character not in plain)
+            raise UnitError(
+                f"{node.brief()!r} has the sign {sign} (U+{ord(sign):04X})",
+                f"write {plain.strip()}",
+            )
         try:
             expression = expression_of(
                 text, self.named_in(text), dimension if self.units == "SI" else None
@@ -236,6 +246,14 @@ class Context:
                 what, remedy = f"{node.brief()!r} is not {dimension.name}", ""
             raise UnitError(what, remedy or write) from None
         return expression if expression.constant is None else expression.constant
+
+    def _is_sound(self, node: Node, text: str, dimension: Dimension) -> bool:
+        """Return whether a text could stand in the place of the one that is there."""
+        try:
+            self._of_text(node, text, dimension, "")
+        except UnitError:
+            return False
+        return True
 
     def _expression_fault(self, text: str, otherwise: str) -> str:
         """Return what is wrong with an expression, with the study's names among what is allowed."""
@@ -321,6 +339,9 @@ class Context:
         )
         if isinstance(value, bool) or not isinstance(value, int):
             said = f"must be a whole number, but is {node.kind()}"
+            if isinstance(value, str) and (marked := marked_number(value)):
+                self.at(node, marked[0], marked[1].partition(" or ")[0])
+                return least
         elif least <= value <= (most or MOST):
             return value
         else:

@@ -174,12 +174,15 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
     what = f"the study has no parameter {key!r} to sweep"
     known = _known(ctx, root)
     same = [one for one in known if one.endswith(f".{path[-1]}")]
+    meant = _meant_of_law(root, path)
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
     elif key in OF_DESIGNS:
         lists = key == "points"
         what = f"{key} {'are for modes that list or' if lists else 'is for modes that'} draw points"
         remedy = f"add mode: {'list, or ' * lists}one of {', '.join(DESIGNS)}"
+    elif meant:
+        remedy = f"did you mean {meant!r}?"
     elif same:
         same = [nearest(key, same) or same[0]] if path[1:] else same
         remedy = f"did you mean {' or '.join(map(repr, same))}?"
@@ -191,6 +194,15 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
         )
     ctx.at(item, what, remedy, on_key=True)
     return None
+
+
+def _meant_of_law(root: Node, path: Keys) -> str:
+    """Return the parameter of the study's law that a misspelt path stands for; empty for none."""
+    law = root.at("friction", "law")
+    if path[0] != "friction" or law is None or law.value not in SHAPES:
+        return ""
+    name = nearest(path[-1], [one.name for one in SHAPES[str(law.value)].parameters])
+    return f"friction.{name}" if name and len(path) == 2 else ""
 
 
 def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
@@ -488,22 +500,47 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
         ctx.at(node, what, f"write a list such as [{example}")
     axis = _axis(ctx, key, node, p, values, names)
     faults, full = ctx.errors.problems, ".".join(p.path)
-    if faults[first:] and (
-        others := [one for one in _known(ctx, root) if one.endswith(f".{key}") and one != full]
-    ):
-        meant = f", or {' or '.join(others)} for {key}, which is {full}"
+    if faults[first:] and values:
+        others = [one for one in _known(ctx, root) if one.endswith(f".{key}") and one != full]
+        meant = f"; {key} is {full} here, not {' or '.join(others)}" if others else ""
         faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
     return axis
+
+
+ENDS_AND_COUNT = {
+    "a": ("from", "start", "begin", "min", "low"),
+    "b": ("to", "stop", "end", "max", "high"),
+    "n": ("n", "num", "count", "steps", "points", "number"),
+}
+"""Words that people type for the parts of a range."""
+
+
+def _range_meant(node: Node) -> str:
+    """Return a range as it is written, of one with its parts by name; empty for anything else."""
+    children = node.children
+    parts = {
+        part: next((children[word].text() for word in words if word in children), part)
+        for part, words in ENDS_AND_COUNT.items()
+    }
+    known = {word for words in ENDS_AND_COUNT.values() for word in words}
+    if not children or not known.issuperset(children):
+        return ""
+    return f"{{linspace: [{parts['a']}, {parts['b']}, {parts['n']}]}}"
 
 
 @none_after_fault
 def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     """Return the n values of {linspace: [a, b, n]} or {geomspace: [a, b, n]} from a to b, both
     included: those that NumPy gives of the ends in SI. None after a fault."""
+    if meant := _range_meant(node):
+        ctx.at(node, "is no range", f"write {meant}")
+    ctx.sound()
     kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
     ctx.sound()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
-        ctx.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
+        ctx.at(
+            item, f"must be [a, b, n], but is {item.kind()}", "write [a, b, n]: both ends, how many"
+        )
     ctx.sound()
     a, b = (ctx.quantity(end, dimension) for end in item.entries[:2])
     n = ctx.integer(item.entries[2], 2, MAX_POINTS)

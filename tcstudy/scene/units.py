@@ -95,6 +95,44 @@ SIGNS = str.maketrans(
 −2 (NFKC)."""
 
 
+PLAIN_SIGNS = SIGNS | str.maketrans(
+    {**dict.fromkeys("‐‑‒—－﹣", "-"), "＋": "+", "÷": "/", "²": "^2", "³": "^3", "π": "pi"}
+)
+"""Signs that look like those of numbers and expressions, and these."""
+GROUPED = re.compile(
+    r"(?P<sign>[+-]?)(?P<lead>[0-9]{1,3})(?P<rest>(?P<mark>[,.'’_ \u00a0\u2009\u202f])[0-9]{3}"
+    r"(?:(?P=mark)[0-9]{3})*)(?![0-9])(?:(?P<point>[.,])(?P<decimals>[0-9]+))?(?P<unit>.*)"
+)
+"""A number whose digits stand in groups of three."""
+DECIMAL_COMMA = re.compile(r"(?P<number>[+-]?[0-9]*),(?P<decimals>[0-9]+)(?P<unit>[^,]*)")
+
+
+def marked_number(text: str) -> tuple[str, str] | None:
+    """Return what is wrong with a number that has marks between its digits, as 210,000 MPa, and
+    what to write; None of other texts."""
+    text = text.strip()
+    grouped = GROUPED.fullmatch(text)
+    decimal = DECIMAL_COMMA.fullmatch(text)
+    of_decimal = (
+        f"{decimal['number'] or 0}.{decimal['decimals']}{decimal['unit']}" if decimal else ""
+    )
+    if grouped is not None and grouped["mark"] != grouped["point"]:
+        mark, rest = grouped["mark"], grouped["rest"]
+        digits = grouped["lead"] + rest.replace(mark, "")
+        decimals = f".{grouped['decimals']}" if grouped["decimals"] else ""
+        whole = f"{grouped['sign']}{digits}{decimals}{grouped['unit']}"
+        if decimal is None or grouped["point"]:
+            if mark == "." and len(rest) == 4 and not decimals:
+                return None
+            return f"{text!r} has marks between its digits", f"write {whole}"
+        if grouped["lead"] != "0":
+            what = f"{text!r} has a comma, which may stand for thousands or for a decimal point"
+            return what, f"write {whole} or {of_decimal}"
+    if decimal is not None:
+        return f"{text!r} has a decimal comma", f"write a decimal point: {of_decimal}"
+    return None
+
+
 class UnitError(ValueError):
     """A text with a unit that cannot be read, or has another dimension than expected: what is
     wrong, what to write."""
