@@ -96,10 +96,6 @@ def draw(options: argparse.Namespace) -> int:
     elif options.overrides or target is None:
         what = "--set: a result file keeps its study; leave it out"
         fail(what if options.overrides else "PICTURE: name a .png, .svg or .pdf file")
-    if options.map is not None:
-        asked["map"] = tuple(name.strip() for name in options.map.split(","))
-        if len(asked["map"]) != 2 or not all(asked["map"]):
-            fail("--map: name two swept parameters, for example --map alpha,theta_bar")
     try:
         words = picture(
             options.file, target, options.overrides, at=point_of(options) or None, **asked

@@ -58,10 +58,10 @@ from tcstudy.reports.picture import (
     body_fields,
     contact_line,
     states_of,
-    stored_study,
     stresses,
     von_mises,
 )
+from tcstudy.reports.rounding import stored_study
 from tcstudy.reports.select_point import Value, labels_by_point, level_number, matching
 from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.histories import ContactState

@@ -8,7 +8,7 @@ what an edge does.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from tcstudy.data.reading import GEOMETRIES, by_point, open_results, sweep_dims
 from tcstudy.data.schema import JOINTS, STICKS
-from tcstudy.errors import StudyError
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.read.study import read_study_text
+from tcstudy.reports.rounding import SHARE, Floors, floors, stored_study
 from tcstudy.reports.select_point import (
     Value,
+    axis_symbols,
     check_solved,
     describe,
     level_number,
@@ -184,6 +184,7 @@ class Picture:
     sources: outlines (n, 2) of heated regions [length units]
     held:  (parts, 2) u_T at both ends of every part of the line, NaN where no node is held or the file does not say it
     scene: what was solved, None if the study in the file cannot be read
+    symbols: how the parameters of the point are written, by name
     """
 
     at: Any
@@ -195,6 +196,7 @@ class Picture:
     sources: tuple[Array, ...] = ()
     held: Any = ()
     scene: Scene | None = None
+    symbols: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -218,25 +220,40 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         where = locate(root, point) if point else of_largest_slip(root)
         number = level_number(root, level)
         check_solved(root, where, number)
-        words = describe(root, where)
+        words, symbols = describe(root, where), axis_symbols(root)
         if GEOMETRIES in root.attrs:
             tree, root, where = _own_geometry(tree, root, where)
         study = stored_study(root)
         group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
-        line = contact_line(group)
+        line, place = contact_line(group), _place(root, where)
+        sizes = floors(root, study)
         return Picture(
             at=root.isel(where).isel(level=number).load(),
             point=words,
             level=number,
-            line=line,
-            body=body_fields(group),
+            line=_without_rounding(line, sizes, place, number),
+            body=body_fields(group, lambda theta: sizes.cleared("theta", theta, number, place)),
             edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
             sources=tuple(sources(study)),
             held=np.append(group["held_u_T"].values if "held_u_T" in group else [], np.nan)[
                 ends_held(line, group)
             ],
-            scene=study.scenes[_place(root, where)] if study is not None else None,
+            scene=study.scenes[place] if study is not None else None,
+            symbols=symbols,
         )
+
+
+def _without_rounding(line: LineFields, sizes: Floors, place: int, level: int) -> LineFields:
+    """Return the contact line with 0 in place of rounding."""
+    section = line.section
+    if section:
+        section = sizes.cleared("section_force", section[0], level, place), section[1]
+    return replace(
+        line,
+        u_T=sizes.cleared("u_T", line.u_T, level, place),
+        xi=sizes.cleared("xi", line.xi, level, place),
+        section=section,
+    )
 
 
 def _place(root: Any, where: Mapping[str, int]) -> int:
@@ -261,21 +278,6 @@ def _own_geometry(
         np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in dims]
     )
     return tree, own, {dim: int(i) for dim, i in zip(dims, index, strict=True)}
-
-
-def stored_study(data: Any, swept: bool = True) -> Study | None:
-    """The study of a result file (its root dataset); None if its text cannot be read (a body's file
-    may be gone).
-
-    swept: with its points, of which each costs half a millisecond; else the one scene outside the
-    sweep
-    """
-    text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
-    told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
-    try:
-        return read_study_text(text, "study", told)
-    except (StudyError, OSError):
-        return None
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
@@ -317,8 +319,13 @@ def contact_line(group: Any) -> LineFields:
     )
 
 
-def body_fields(group: Any) -> BodyFields | None:
-    """The fields of the whole body, None if the file has none for this point."""
+def body_fields(
+    group: Any, cleared_theta: Callable[[Array], Array] = lambda theta: theta
+) -> BodyFields | None:
+    """The fields of the whole body, None if the file has none for this point.
+
+    cleared_theta: puts 0 in place of the rounding of temperatures
+    """
     if not {"node_x", "triangle", "u_x", "u_y"} <= set(group.variables):
         return None
     xy, u = (
@@ -333,7 +340,7 @@ def body_fields(group: Any) -> BodyFields | None:
         xy=xy,
         triangles=triangles,
         u=u,
-        theta=theta.values if known else None,
+        theta=cleared_theta(theta.values) if known else None,
         theta_units=str(theta.attrs["units"]) if theta is not None else "1",
         region=group["region"].values
         if "region" in group
@@ -480,6 +487,26 @@ def principal(sigma: Array, sign: float) -> Array:
     """The larger (sign 1) or smaller (−1) principal stress in the plane of stresses (…, 6)."""
     x, y = sigma[..., 0], sigma[..., 1]
     return np.asarray(0.5 * (x + y) + sign * np.hypot(0.5 * (x - y), sigma[..., 3]))
+
+
+def stress_floor(body: BodyFields, material: Material, sigma: Array) -> float:
+    """Return the size below which components of stresses (…, 6) of one body are rounding.
+
+    Strains are differences of displacements over an element, and thermal strains are subtracted.
+    """
+    sides = body.xy[body.triangles] - body.xy[np.roll(body.triangles, 1, axis=1)]
+    shortest = float(np.hypot(sides[..., 0], sides[..., 1]).min())
+    stiffest = max(one.lam + 2.0 * one.mu for one in material.all)
+    summed = stiffest * float(np.abs(body.u).max()) / shortest
+    if body.theta is not None:
+        hottest = float(np.abs(body.theta).max())
+        summed += max(abs(one.beta) for one in material.all) * hottest
+    rounding = STRESS_ROUNDINGS * float(np.finfo(float).eps) * summed
+    return max(rounding, SHARE * float(np.abs(sigma).max()))
+
+
+STRESS_ROUNDINGS = 64.0
+"""Rounding errors of a displacement that the stress of an element may hold."""
 
 
 COMPONENTS: dict[str, tuple[str, Callable[[Array], Array]]] = {

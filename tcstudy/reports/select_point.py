@@ -14,6 +14,7 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.errors import DrawError, hint
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
+from tcstudy.scene.keys import symbol
 
 Value = float | int | str | Sequence[float | int | str]
 
@@ -74,14 +75,19 @@ def parameter(data: Any, given: str) -> str:
     names = axis_names(data)
     if given in names:
         return given
-    ends = [
-        name for name in names if f".{data[name].attrs.get('long_name', '')}".endswith(f".{given}")
-    ]
+    ends = [name for name in names if given in _ends(str(data[name].attrs.get("long_name", "")))]
     if len(ends) == 1:
         return ends[0]
     if not names:
         raise DrawError(f"there is one point and no swept parameter {given!r}; leave the point out")
     raise DrawError(f"there is no swept parameter {given!r}; {_has(given, names, len(names))}")
+
+
+def _ends(path: str) -> set[str]:
+    """Return the ends of a key path, with dots or with the underscores of names in files."""
+    keys = path.split(".")
+    ends = [keys[i:] for i in range(len(keys))]
+    return {mark.join(end) for end in ends for mark in "._"}
 
 
 def numbers_of(data: Any) -> list[str]:
@@ -172,6 +178,18 @@ def check_solved(data: Any, where: Mapping[str, int], level: int) -> None:
         other = describe(data, dict(zip(statuses.dims, (int(i) for i in solved[0]), strict=True)))
         remedy = f"draw another point, for example {other}"
     raise DrawError(f"{what} ({status.name.lower().replace('_', ' ')}: {reason}); {remedy}")
+
+
+def axis_symbol(data: Any, name: str) -> str:
+    """Return how reports write a swept parameter of a file, with the edge or region it belongs
+    to."""
+    return symbol(str(data[name].attrs.get("long_name", name)))
+
+
+def axis_symbols(data: Any) -> dict[str, str]:
+    """Return `axis_symbol` of all swept parameters, those of one chosen point, too, by name."""
+    names = (str(name) for name in data.coords if "long_name" in data[name].attrs)
+    return {name: axis_symbol(data, name) for name in names}
 
 
 def axis_labels(data: Any, name: str, digits: int = 4) -> tuple[list[str], str]:

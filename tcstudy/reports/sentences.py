@@ -176,6 +176,10 @@ class RunSeen:
         xi = group["xi"][tuple(where[dim] for dim in group["xi"].dimensions[:-1])]
         return float(np.abs(xi) @ group["c"][...])
 
+    def symbol(self, name: str) -> str:
+        """How reports write the parameter of an axis, with the edge or region it belongs to."""
+        return symbol(str(self.nc[name].__dict__.get("long_name", name)))
+
     def shown(self, name: str) -> tuple[list[str], str]:
         """The labels of an axis and their unit as it is read."""
         shown, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
@@ -187,7 +191,7 @@ class RunSeen:
         found = []
         for name, i in ((name, i) for name, i in place.items() if self.nc[name].size > 1):
             (labels, unit), mark = self.shown(name), ": " if self.nc[name].dtype is str else " = "
-            found.append(f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip())
+            found.append(f"{self.symbol(name)}{mark}{labels[i]} {unit}".rstrip())
         return found
 
 
@@ -553,7 +557,7 @@ def abrupt(run: RunSeen, several: Flags) -> list[str]:
             bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any()),
         )
         labels, unit = run.shown(name)
-        place = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
+        place = f"between {run.symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
         place += f" ({', '.join(rest)})" if (rest := run.labelled(where)) else ""
         words = (
             f"slip jumps {place}"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -67,8 +68,6 @@ def spelled(text: str) -> str:
 EXACT = 1e-12
 """Relative difference that counts as the rounding of a value computed from others (0.1 + 0.2 is
 shown as 0.3)."""
-ROUNDING = 1e-9
-"""Part of the largest number of a column below which another has no say in its unit."""
 MOST_DIGITS = 15
 
 
@@ -103,8 +102,7 @@ POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
 
 
 def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
-    """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 …
-    1000; what is rounding beside the largest does not count.
+    """(divisor, units with an SI prefix) that bring the largest magnitude of `values` to 1 … 1000.
 
     Units that a prefix does not suit stay as they are: "1", "K", "s" and those that begin with a
     power (K-1), to which it would be raised as well.
@@ -112,14 +110,12 @@ def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
     sizes = np.abs(
         np.asarray(values, dtype=float).ravel()
     )  # of a long sweep no list of a million numbers
-    sizes = sizes[
-        np.isfinite(sizes)
-        & (sizes > ROUNDING * np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
-    ]
-    if not len(sizes) or units in ("1", "K", "s") or POWER_FIRST.match(units):
+    largest = float(np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
+    if largest == 0.0 or units in ("1", "K", "s") or POWER_FIRST.match(units):
         return 1.0, units
-    middle = np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]
-    divisor, letter = next((p for p in PREFIXES if middle >= p[0]), PREFIXES[-1])
+    # what four digits round up to the next unit is shown in it: 1 mm, not 1000 µm
+    rounded = float(f"{largest:.4g}")
+    divisor, letter = next((p for p in PREFIXES if rounded >= p[0]), PREFIXES[-1])
     return divisor, letter + units
 
 
@@ -282,11 +278,15 @@ WIDTH = 110
 @dataclass(frozen=True)
 class TextColumn:
     """A heading, its cells, and how important it is: where there is no room for all, the highest
-    ranks go first."""
+    ranks go first.
+
+    notes: what the column means, lines below the table that stand there only with the column
+    """
 
     title: str
     cells: Sequence[str]
     rank: int = 0
+    notes: tuple[str, ...] = ()
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -295,20 +295,26 @@ class TextColumn:
 
 
 def quantity(
-    title: str, values: Any, units: str = "1", digits: int = 4, rank: int = 0, like: Any = None
+    title: str,
+    values: Any,
+    units: str = "1",
+    digits: int = 4,
+    rank: int = 0,
+    like: Any = None,
+    notes: tuple[str, ...] = (),
 ) -> TextColumn:
     """A column of numbers under a heading with their unit, whose prefix suits them, or the values
     `like` them."""
     divisor, unit = prefix(values if like is None else like, units)
     return TextColumn(
-        headed(title, unit), [number(value / divisor, digits) for value in values], rank
+        headed(title, unit), [number(value / divisor, digits) for value in values], rank, notes
     )
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of equal length under a caption; `notes` stand below. A text that is indented is a
-    block of lines."""
+    """Columns of equal length under a caption; `notes` stand below, before those of columns. A text
+    that is indented is a block of lines."""
 
     caption: str
     columns: Sequence[TextColumn]
@@ -427,9 +433,16 @@ def _text(part: Part) -> str:
         block = part.startswith("  ")
         return wrapped(part) if block else _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")
     head = [wrapped(f"  {part.caption}"), ""] if part.caption else []
-    return "\n".join(
-        [*head, columns_table(part.columns), *(wrapped(f"  {note}") for note in part.notes)]
-    )
+    kept, hidden = _with_room(part.columns)
+    below = [*_hidden_line(hidden), *(wrapped(f"  {note}") for note in part.notes)]
+    if meanings := column_notes(kept):
+        below += ["", *(wrapped(f"  {note}") for note in meanings)]
+    return "\n".join([*head, _aligned(kept), *below])
+
+
+def column_notes(columns: Sequence[TextColumn]) -> list[str]:
+    """Return what columns mean, each note once."""
+    return list(dict.fromkeys(note for column in columns for note in column.notes))
 
 
 def _filled(text: str, width: int, indent: str) -> str:
@@ -481,45 +494,99 @@ def wrapped(text: str) -> str:
 def columns_table(columns: Sequence[TextColumn]) -> str:
     """Plain text: columns aligned right where every cell looks like a number, left otherwise.
 
-    Where the width is too small for all, the highest ranks go first, those of 0 never, and a line
-    says which went.
+    Where the width is too small, headings are wrapped. Where that is not enough, the columns of the
+    highest ranks are hidden, those of rank 0 never, and a line says which.
     """
-    kept, gone = list(columns), list[str]()
+    kept, hidden = _with_room(columns)
+    return "\n".join([_aligned(kept), *_hidden_line(hidden)])
+
+
+def _with_room(columns: Sequence[TextColumn]) -> tuple[list[TextColumn], list[str]]:
+    """Return the columns that are shown, and the headings of the hidden ones."""
+    kept, hidden = list(columns), list[str]()
     while not fits(kept):
         last = max(range(len(kept)), key=lambda i: (kept[i].rank, i))
         if kept[last].rank == 0:
             break
-        gone.append(kept.pop(last).title)
-    text = _aligned(kept)
-    return "\n".join(
-        [text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text]
-    )
+        hidden.append(kept.pop(last).title)
+    return kept, hidden
+
+
+def _hidden_line(hidden: Sequence[str]) -> list[str]:
+    return [wrapped(f"  hidden columns: {', '.join(hidden)} (show with -v)")] if hidden else []
 
 
 def fits(columns: Sequence[TextColumn]) -> bool:
-    """Whether a table of all these columns has room."""
-    return sum(max(map(len, column.lines)) + 2 for column in columns) <= (_width.get() or math.inf)
+    """Whether a table of all these columns has room, with its headings wrapped if need be."""
+    return sum(_narrowest(column) + 2 for column in columns) <= (_width.get() or math.inf)
 
 
-def split_table(labels: Sequence[TextColumn], columns: Iterable[TextColumn]) -> str:
-    """All columns in as many tables as the width asks for, each with the labels."""
-    parts = list[list[TextColumn]]([[]])
-    for column in columns:
-        if parts[-1] and not fits([*labels, *parts[-1], column]):
-            parts.append([])
-        parts[-1].append(column)
-    return "\n\n".join(_aligned([*labels, *part]) for part in parts)
+_UNIT = re.compile(r"\[[^]]*\]")
+
+
+def _words(title: str) -> list[str]:
+    """Return the words of a heading; its unit is one."""
+    whole = _UNIT.sub(lambda unit: unit[0].replace(" ", "\u00a0"), title)
+    return [word.replace("\u00a0", " ") for word in whole.split(" ")]
+
+
+def _wide(text: str) -> int:
+    """Return the columns of a terminal that a text takes; the bar of θ̄ stands above its letter."""
+    return sum(not unicodedata.combining(letter) for letter in text)
+
+
+def _put(text: str, width: int, right: bool) -> str:
+    """Return the text filled to a width with blanks before it, or behind."""
+    blanks = " " * (width - _wide(text))
+    return blanks + text if right else text + blanks
+
+
+def _narrowest(column: TextColumn) -> int:
+    """Return the width of a column whose heading has a line for each word."""
+    return max(map(_wide, (*_words(column.title), *column.cells)))
+
+
+def _heading(column: TextColumn, width: int) -> list[str]:
+    """Return the lines of a heading, each no wider than the column."""
+    lines = [""]
+    for word in _words(column.title):
+        longer = f"{lines[-1]} {word}".lstrip(" ")
+        if _wide(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines if lines[0] else lines[1:]
+
+
+def _widths(columns: Sequence[TextColumn]) -> list[int]:
+    """Return the widths of columns: of whole headings if there is room, else as few lines as do."""
+    whole = [max(map(_wide, column.lines)) for column in columns]
+    room = (_width.get() or math.inf) - 2 * len(columns)
+    if sum(whole) <= room:
+        return whole
+    widths = [_narrowest(column) for column in columns]
+    while True:
+        heights = [
+            len(_heading(column, width)) for column, width in zip(columns, widths, strict=True)
+        ]
+        highest = max(range(len(columns)), key=heights.__getitem__)
+        if heights[highest] == 1 or sum(widths) >= room:
+            return widths
+        widths[highest] += 1
 
 
 def _aligned(columns: Sequence[TextColumn]) -> str:
     """A column is a number's, and aligned right, if every cell looks like one, alone, in
     parentheses or missing."""
-    padded = []
-    for column in columns:
-        width = max(map(len, column.lines))
+    padded, headings = [], []
+    for column, width in zip(columns, _widths(columns), strict=True):
         right = all(not cell or cell[0].isdigit() or cell[0] in "-+–∞−(" for cell in column.cells)
-        padded.append([line.rjust(width) if right else line.ljust(width) for line in column.lines])
-    header, *rows = (f"  {'  '.join(cells).rstrip()}" for cells in zip(*padded, strict=True))
-    return "\n".join(
-        [header, "  " + "─" * (sum(len(column[0]) + 2 for column in padded) - 2), *rows]
-    )
+        padded.append([_put(cell, width, right) for cell in column.cells])
+        headings.append([_put(line, width, right) for line in _heading(column, width)])
+    high = max(map(len, headings))
+    wide = [_wide(lines[0]) for lines in headings]
+    top = [[" " * width] * (high - len(one)) for one, width in zip(headings, wide, strict=True)]
+    whole = [above + one for above, one in zip(top, headings, strict=True)]
+    head = [f"  {'  '.join(line).rstrip()}" for line in zip(*whole, strict=True)]
+    rows = [f"  {'  '.join(cells).rstrip()}" for cells in zip(*padded, strict=True)]
+    return "\n".join([*head, "  " + "─" * (sum(wide) + 2 * len(wide) - 2), *rows])

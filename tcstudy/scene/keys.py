@@ -68,12 +68,16 @@ GREEK = dict(
 """Letters that names spell out."""
 OF_EDGE = r"boundary{0}(\w+?){0}((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)"
 """Names of what an edge has, with {0} between their parts: the edge and its key."""
+OF_PART = re.compile(r"(?:boundary|friction|materials)\.([^.]+)\.(?:heat\.|spring\.)?([^.]+)")
+"""Key paths of what an edge, the friction of an edge or a region has: its name and the key."""
 
 
 def symbol(name: str) -> str:
     """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself,
-    `friction.points.0` b_0, that of its slip s_0; a column `boundary_grip_u_x` u_x of grip,
-    `heat_theta` θ; the rest in words."""
+    `friction.points.0` b_0, that of its slip s_0; a column `boundary_grip_u_x` u_x of grip, as
+    `boundary.grip.u_x`; `heat_theta` θ; the rest in words."""
+    if (match := OF_PART.fullmatch(name)) and match[1] != "points":
+        return f"{symbol(match[2])} of {match[1]}"
     if match := re.fullmatch(OF_EDGE.format("_"), name):
         return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
     name = re.sub(r"^(?:heat|friction|material|parameters)_(?=\w)", "", name)

@@ -37,8 +37,17 @@ def test_powers_of_ten_become_a_prefix_where_one_suits_all(values, units, shown)
     assert scaled_labels(values, {"units": units}) == shown
 
 
-def test_the_unit_of_a_column_does_not_follow_rounding() -> None:
-    assert prefix([2e-3, 3e-3, 1e-13, -4e-13, 2e-14, 0.0, float("nan")], "m") == (1e-3, "mm")
+@pytest.mark.parametrize(
+    ("values", "unit"),
+    [
+        ([2e-3, 3e-3, 1e-13, -4e-13, 2e-14, 0.0, float("nan")], (1e-3, "mm")),
+        ([4.064e-2, 2e-6, 3e-6], (1e-3, "mm")),  # not 4.064e+04 µm
+        ([0.0, float("inf")], (1.0, "m")),
+        ([0.99999], (1.0, "m")),  # four digits make it 1 m, not 1000 mm
+    ],
+)
+def test_the_unit_of_a_column_fits_its_largest_value(values, unit) -> None:  # type: ignore[no-untyped-def]
+    assert prefix(values, "m") == unit
 
 
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR

@@ -15,7 +15,7 @@ from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel, Scale, Sheet, scale
-from tcstudy.reports.select_point import Value, describe, locate
+from tcstudy.reports.select_point import Value, axis_symbols, describe, locate
 from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, front, settings, shown
 from tcstudy.scene.study import FAMILIES
 
@@ -59,7 +59,7 @@ def convergence_figure(
         "hollow: did not converge": bool((at["status"].values != int(PointStatus.OK)).any()),
     }
     facts = [
-        *filter(None, [style.point_words(words)]),
+        *filter(None, [style.point_words(words, axis_symbols(data))]),
         *(mark for mark, there in marks.items() if there),
     ]
     rows = list(zip_longest(*(list(panels)[k::2] for k in (0, 1)), fillvalue="."))
@@ -190,7 +190,10 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
     """Error over wall time, with bands to the upper quartile, and over unknowns, with the rates of
     the families."""
     found = settings(data, measure)
-    facts = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
+    facts = [
+        style.point_words(data.attrs["point"], axis_symbols(data)),
+        f"reference: {data.attrs['reference']}",
+    ]
     sheet = Sheet(look, data.attrs["title"], facts, [("time", "unknowns")], [CHART], advice(found))
     sheet.draw(cost_panels(data, measure))
     for axis in (one for axes in sheet.panels.values() for one in (axes.xaxis, axes.yaxis)):

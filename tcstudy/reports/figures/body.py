@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Labels, Scale, Sheet, scale
-from tcstudy.reports.picture import COMPONENTS, BodyFields, NamedEdge, Picture, nearest, recovered
+from tcstudy.reports.picture import (
+    COMPONENTS,
+    BodyFields,
+    NamedEdge,
+    Picture,
+    nearest,
+    recovered,
+    stress_floor,
+)
+from tcstudy.reports.rounding import SHARE, cleared
 from tcstudy.reports.text import number, pretty
 
 if TYPE_CHECKING:
@@ -119,9 +128,8 @@ def field_of(picture: Picture, name: str | None) -> Field | None:
         found = (body.triangles, body.theta) if body.theta is not None else None
         return found and Field("temperature θ", body.theta_units, (found,))
     if name in ("u_x", "u_y"):
-        return Field(
-            name, picture.line.length_units, ((body.triangles, body.u[:, "xy".index(name[-1])]),)
-        )
+        u = cleared(body.u[:, "xy".index(name[-1])], SHARE * float(np.abs(body.u).max()))
+        return Field(name, picture.line.length_units, ((body.triangles, u),))
     if name not in COMPONENTS:
         raise DrawError(
             f"of: the body has no field {name!r}; it has theta, u_x, u_y, {', '.join(COMPONENTS)}"
@@ -131,8 +139,10 @@ def field_of(picture: Picture, name: str | None) -> Field | None:
             "the study in the file cannot be read any more, so its materials are not known"
         )
     (label, component), (sigma, error) = COMPONENTS[name], recovered(body, picture.scene.material)
+    floor = stress_floor(body, picture.scene.material, sigma)
     parts = tuple(
-        (body.triangles[body.region == k], component(sigma[k])) for k in np.unique(body.region)
+        (body.triangles[body.region == k], cleared(component(sigma[k]), floor))
+        for k in np.unique(body.region)
     )
     told = f"stress recovered from elements, estimated error {number(100.0 * error, 2)} %"
     return Field(label, picture.line.traction_units, parts, told)

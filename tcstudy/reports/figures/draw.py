@@ -3,7 +3,7 @@ function's parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
@@ -116,10 +116,25 @@ def _curves(
     return curves_figure(sweep, look), sweep.words
 
 
+def pair_of(names: str | Sequence[str]) -> tuple[str, str]:
+    """Return the two parameters of a map, of a text "alpha,theta_bar" or of two names. Raises
+    UsageError."""
+    given = names.split(",") if isinstance(names, str) else names
+    pair = tuple(str(name).strip() for name in given)
+    if len(pair) != 2 or not all(pair):
+        raise UsageError("map: name two swept parameters, for example alpha,theta_bar")
+    return pair
+
+
 def _map(
-    file: Path, look: style.Look, map: tuple[str, str], of: str, at: Point = None, level: int = -1
+    file: Path,
+    look: style.Look,
+    map: str | Sequence[str],
+    of: str,
+    at: Point = None,
+    level: int = -1,
 ) -> Drawn:
-    sweep = read_sweep(file, map, of, at, level)
+    sweep = read_sweep(file, pair_of(map), of, at, level)
     return map_figure(sweep, look), sweep.words
 
 

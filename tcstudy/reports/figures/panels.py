@@ -522,6 +522,8 @@ class Sheet:
         across = self.look.columns(wider * box.width * self.width)
         up = self.look.columns(box.height * self.height)
         axes.set_ylabel(_wrapped(axes.get_ylabel(), up), linespacing=1.0)
+        if len(_seen(axes.get_ylabel())) <= UPRIGHT:
+            axes.yaxis.label.set(rotation=0, ha="right", va="center")
         axes.set_xlabel(_wrapped(axes.get_xlabel(), across))
         title = (
             self.look.columns((1.0 - box.x0) * self.width - EDGE * self.em)
@@ -531,9 +533,13 @@ class Sheet:
         axes.set_title(_wrapped(axes.get_title(loc="left"), title), loc="left")
 
 
+UPRIGHT = 3
+"""Letters up to which the label of a y axis stands upright, τ_s."""
+
+
 def _seen(text: str) -> str:
     """About as many letters as are seen: an index is shorter than its source."""
-    return re.sub(r"[$_{}]", "", text)
+    return re.sub(r"\\bar|[$_{}]", "", text)
 
 
 def _wrapped(text: str, columns: int) -> str:

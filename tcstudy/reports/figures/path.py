@@ -26,7 +26,8 @@ from tcstudy.reports.figures.panels import (
     place_names,
     scale,
 )
-from tcstudy.reports.select_point import Value, describe, locate, of_largest_slip
+from tcstudy.reports.rounding import cleared, line_floor
+from tcstudy.reports.select_point import Value, axis_symbols, describe, locate, of_largest_slip
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
 from tcstudy.reports.terminal.paths import (
     MOVES,
@@ -62,9 +63,9 @@ RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = 
 
 def response_of(data: Any, response: str, kind: str = "") -> Array:
     """One of RESPONSES of vertices, or of what the prefix of a kind of states says."""
-    return RESPONSES[response][2](
-        data[f"{kind}u_T"].values, data[f"{kind}xi"].values, data["c"].values
-    )
+    u_T, xi, c = (data[name].values for name in (f"{kind}u_T", f"{kind}xi", "c"))
+    values = RESPONSES[response][2](u_T, xi, c)
+    return cleared(values, line_floor(data["xi"], c)) if response == "friction" else values
 
 
 CURVE, MAP = 3.4, 1.25
@@ -240,7 +241,7 @@ def draw_history(
         raise DrawError(f"no step of the history was solved: {data['reason'].values.item()}")
     names, steps = loop_names(data, x, y), counted(data.sizes["step"] - 1, "step")
     panels = history_panels(data, *names)
-    facts = [style.point_words(words)]
+    facts = [style.point_words(words, axis_symbols(data))]
     facts.append(
         ";  ".join(filter(None, [f"memory: {data.attrs['memory']}", steps, last_change(data)[1]]))
     )
@@ -262,6 +263,8 @@ def solved_steps(data: Any) -> Any:
     data = data.isel(step=slice(int(np.sum(data["status"].values == PointStatus.OK))))
     if not data.sizes["step"]:
         return data
+    resultant = cleared(data["friction_resultant"], line_floor(data["xi"], data["c"]))
+    data["friction_resultant"] = data["friction_resultant"].copy(data=resultant)
     data = data.assign(
         slip=data["u_T"].isel(node=int(np.abs(data["u_T"].values).max(axis=0).argmax()))
     )
@@ -300,7 +303,8 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
     nodes, arclength, cuts = contact_nodes(data)
 
     def axis(name: str) -> Scale:
-        title = style.symbol(name) if name in loads else data[name].attrs.get("long_name", name)
+        title = data[name].attrs.get("long_name", name)
+        title = style.symbol(title) if name in loads else title
         return scale(title, data[name].values, str(data[name].attrs.get("units", "1")))
 
     found = {"loop": _loop(np.stack([data[x].values, data[y].values]), axis(x), axis(y), data)}

@@ -55,7 +55,11 @@ def point_figure(
         f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
     ]
     sheet = Sheet(
-        look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights
+        look,
+        picture.title,
+        [style.point_words(picture.point, picture.symbols), ",  ".join(mesh)],
+        rows,
+        heights,
     )
     sheet.draw(panels)
     sheet.share(*panels)
@@ -248,7 +252,7 @@ def profile_figure(
                 )
     a, b = (", ".join(number(x) for x in end) for end in ends)
     facts = [
-        style.point_words(picture.point),
+        style.point_words(picture.point, picture.symbols),
         f"level {picture.level},  from ({a}) to ({b}) {pretty(units)}".rstrip(),
     ]
     sheet = Sheet(look, picture.title, facts, [[name] for name in panels], [HEIGHT] * len(panels))
@@ -364,7 +368,9 @@ def _facts(point: Picture) -> list[str]:
         if (error := float(at["lambda_1_error"])) > DIGITS:
             steep += f" (relative error {number(error, 2)})"
     return [
-        ",  ".join(filter(None, [style.point_words(point.point), f"level {point.level}"])),
+        ",  ".join(
+            filter(None, [style.point_words(point.point, point.symbols), f"level {point.level}"])
+        ),
         steep,
     ]
 

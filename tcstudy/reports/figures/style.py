@@ -12,6 +12,7 @@ import logging
 import os
 import re
 import sys
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
 from tcstudy.reports.text import pretty
-from tcstudy.scene.keys import symbol as written
+from tcstudy.scene.keys import symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -140,19 +141,17 @@ def size_in_inches(text: str) -> tuple[float, float]:
     return width, height
 
 
-def symbol(name: str) -> str:
-    """A parameter as reports write it (`scene.keys.symbol`), that of an edge by its path too."""
-    return written(name.replace(".", "_") if name.startswith("boundary.") else name)
-
-
 _RAISED = re.compile(r"(?<![^\W\d_])([^\W\d_])([_^])(-?\d[\d.]*|\w{1,3})(?![\w.])")
 """A letter with an index or a power, u_T, τ_xy, N^-0.3."""
+_BARRED = re.compile("([^\\W\\d_])\N{COMBINING MACRON}")
+"""A letter with a bar over it, θ̄."""
 
 
 def math(text: str) -> str:
-    """Words as matplotlib writes them, in which an index stands below its letter, and a power
-    above."""
-    return _RAISED.sub(r"$\1\2{\3}$", text.replace("$", r"\$"))
+    """Words as matplotlib writes them, in which an index stands below its letter, a power above,
+    and a bar over it, clear of the letter."""
+    plain = text.replace("$", r"\$")
+    return _BARRED.sub(r"$\\bar{\1}$", _RAISED.sub(r"$\1\2{\3}$", plain))
 
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
@@ -266,8 +265,15 @@ def few_ticks(axis: Axis) -> None:
 _STATED = re.compile(r"(\w+) = (-?[\d.][^\s,]*)((?: [^\s,]+)*)(?=, |$)")
 
 
-def point_words(text: str) -> str:
+def point_words(text: str, symbols: Mapping[str, str]) -> str:
     """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised
-    exponents."""
-    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])}: ", text)
-    return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
+    exponents.
+
+    symbols: of its parameters (`select_point.axis_symbols`)
+    """
+
+    def written(name: str) -> str:
+        return symbols.get(name) or symbol(name)
+
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{written(one[1])}: ", text)
+    return _STATED.sub(lambda one: f"{written(one[1])} = {one[2]}{pretty(one[3])}", named)

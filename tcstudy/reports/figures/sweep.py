@@ -19,9 +19,12 @@ from tcstudy.data.schema import NOT_ALL, PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import BESIDE, Array, Panel, Scale, Sheet, scale
+from tcstudy.reports.rounding import floors_of
 from tcstudy.reports.select_point import (
     Value,
     axis_names,
+    axis_symbol,
+    axis_symbols,
     fitting,
     labels_by_point,
     level_number,
@@ -58,6 +61,7 @@ BAND = ("lambda_1_low", "lambda_1_high")
 class Along:
     """A swept parameter that is drawn.
 
+    symbol:  how it is written
     labels:  its different values, ascending if they are numbers
     numbers: the same as numbers in `unit`, None if one of them is a text
     place:   (P,) which of them each point has
@@ -65,6 +69,7 @@ class Along:
     """
 
     name: str
+    symbol: str
     labels: tuple[str, ...]
     numbers: Array | None
     unit: str
@@ -74,7 +79,7 @@ class Along:
     @property
     def title(self) -> str:
         """The parameter with its unit, for an axis."""
-        return headed(style.symbol(self.name), self.unit)
+        return headed(self.symbol, self.unit)
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,7 @@ class SweepPicture:
     """P points of a sweep on one level, and one number at each of them.
 
     quantity: its name;  axis: what stands for it in pictures, and its units
+    symbols: how its parameters are written, by name
     fixed:   what the points have in common, in words;  left_out: how many have no number and why, empty if all have one
     values:  (P,) the number in the units of the file, NaN where there is none
     proved:  (P,) to be the only solution;  several: (P,) starts led to solutions of different energies
@@ -94,6 +100,7 @@ class SweepPicture:
     quantity: str
     axis: Scale
     parameters: tuple[Along, ...]
+    symbols: dict[str, str]
     fixed: tuple[str, ...]
     left_out: str
     values: Array
@@ -131,6 +138,7 @@ def read_sweep(
         keep, fixed = fitting(data, point, names)
         needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
+        shown = floors_of(data).cleared(name, by_point(at[name], at), n)[keep]
         labelled, about = (
             labels_by_point(data),
             {"long_name": name, "units": "1"} | data[name].attrs,
@@ -139,7 +147,7 @@ def read_sweep(
     def flat(key: str) -> NDArray[Any]:
         return by_point(at[key], at)[keep] if key in at else np.full(int(keep.sum()), np.nan)
 
-    status, values, unique = flat("status"), flat(name), flat("unique") == 1
+    status, values, unique = flat("status"), shown, flat("unique") == 1
     good = (
         (status == PointStatus.OK)
         & np.isfinite(values)
@@ -163,7 +171,8 @@ def read_sweep(
         axis=scale(
             spelled(str(about["long_name"])), values[good].astype(float), str(about["units"])
         ),
-        parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
+        parameters=tuple(_along(data, one, labelled[one][keep]) for one in names),
+        symbols=axis_symbols(data),
         fixed=(*fixed, f"level {n}"),
         left_out=left_out,
         values=np.where(good, values.astype(float), np.nan),
@@ -174,17 +183,19 @@ def read_sweep(
     )
 
 
-def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
+def _along(data: Any, name: str, held: NDArray[Any]) -> Along:
     """The different labels among those that the points have."""
+    axis, symbol = data[name], axis_symbol(data, name)
     if held.dtype.kind in "OUS":
         texts = list(dict.fromkeys(str(one) for one in axis.values if one in set(held.tolist())))
         place = np.array([texts.index(str(one)) for one in held], dtype=np.intp)
-        return Along(name, tuple(texts), None, "1", place)
+        return Along(name, symbol, tuple(texts), None, "1", place)
     different, place = np.unique(held, return_inverse=True)
     divisor, unit = study_unit(axis.attrs) or axis_unit(different, str(axis.attrs["units"]))
     numbers = different / divisor
     return Along(
         name,
+        symbol,
         tuple(labels(numbers.tolist())),
         numbers,
         unit,
@@ -194,7 +205,7 @@ def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
 
 
 def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
-    same = ",  ".join(map(style.point_words, sweep.fixed))
+    same = ",  ".join(style.point_words(one, sweep.symbols) for one in sweep.fixed)
     sheet = Sheet(look, sweep.title, [same, sweep.left_out + " (×)" * bool(sweep.left_out)])
     return sheet, sheet.panels[""]
 

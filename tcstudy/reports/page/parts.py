@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel
-from tcstudy.reports.text import Heading, Part, Table
+from tcstudy.reports.text import Heading, Part, Table, column_notes
 
 COLOURS = {
     style.INK: "var(--ink)",
@@ -97,7 +97,7 @@ def text_parts(parts: Iterable[Part]) -> list[Json]:
                     "caption": part.caption,
                     "head": head,
                     "rows": rows,
-                    "notes": part.notes,
+                    "notes": [*part.notes, *column_notes(part.columns)],
                 }
             )
         elif isinstance(part, str):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +44,8 @@ from tcstudy.reports.picture import (
     outline,
     sources,
     states_of,
-    stored_study,
 )
+from tcstudy.reports.rounding import Floors, floors, stored_study
 from tcstudy.reports.select_point import numbers_of
 from tcstudy.reports.sentences import several
 from tcstudy.reports.text import DIGITS, named, study_unit
@@ -81,6 +82,11 @@ class Stored:
     swept: bool = True
     kept: NDArray[np.intp] | None = None
     points: int = 0
+
+    @cached_property
+    def floors(self) -> Floors:
+        """Sizes below which the numbers of a run's points are rounding; none of other files."""
+        return floors(self.data, self.study) if self.kind == "run" else Floors({})
 
     @property
     def words(self) -> str:
@@ -216,6 +222,9 @@ def run_part(stored: Stored, box: Container) -> Json:
         return by_point(data[name], data)
 
     held = {name: flat(name) for name in numbers_of(data) if name != "inclusion_rounding"}
+    for name, values in held.items():
+        by_level = [stored.floors.cleared(name, own, n) for n, own in enumerate(values.T)]
+        held[name] = np.stack(by_level, axis=1)
     held = {name: values for name, values in held.items() if np.isfinite(values).any()}
     first = [name for name in ("u_T_max", *asked(data)) if name in held]
     rest = sorted(
@@ -338,6 +347,8 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
         if name in group
     }
     fields = {name: np.where(np.isfinite(values), values, 0.0) for name, values in fields.items()}
+    if "theta" in fields:
+        fields["theta"] = stored.floors.cleared("theta", fields["theta"], level)
     edges = boundary_edges(xy, triangles.astype(np.intp))
     return {
         "level": level,
@@ -358,7 +369,11 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
     sweep."""
     group = stored.groups[level]
     u_T, sticks = (by_point(group[name], stored.data) for name in ("u_T", "sticks"))
-    found = line_along(group, lambda values: by_point(values, stored.data), box)
+
+    def shown(values: Any) -> Any:
+        return stored.floors.cleared(str(values.name), by_point(values, stored.data), level)
+
+    found = line_along(group, shown, box)
     found |= _nodes(stored, contact_line(group), box) | {"rest": at_rest(stored.study)}
     found["state"] = box.array(_states(stored, group, u_T, slice(None), sticks == STICKS), "i1")
     if "held_u_T" in group:
@@ -372,8 +387,8 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
             "first": box.array(first, "i4"),
             "energy": box.array(group["solution_energy"].values),
             "stable": box.array(group["solution_stable"].values, "i1"),
-            "u_T": box.rows(u_T),
-            "xi": box.rows(xi),
+            "u_T": box.rows(stored.floors.cleared("u_T", u_T, level, point)),
+            "xi": box.rows(stored.floors.cleared("xi", xi, level, point)),
             "state": box.array(
                 _states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool)), "i1"
             ),

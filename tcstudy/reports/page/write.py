@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.files import check_writable, reading, remarks_of, replace_file
-from tcstudy.data.reading import asked, each_point
+from tcstudy.data.reading import asked, axis_names, each_point
 from tcstudy.data.tables import MEASURES
 from tcstudy.errors import PageError
 from tcstudy.reports import sentences
@@ -57,7 +57,8 @@ from tcstudy.reports.page.run import (
     time_of_levels,
 )
 from tcstudy.reports.picture import at_rest
-from tcstudy.reports.select_point import describe
+from tcstudy.reports.rounding import SHARE, cleared
+from tcstudy.reports.select_point import axis_symbol, describe
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import verdict_of
@@ -229,8 +230,13 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
 
 
 def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
-    """The contact line in the states that are kept."""
-    line = line_along(data, lambda values: values.values[kept], box) | {"rest": rest}
+    """The contact line in the states that are kept, 0 in place of what is rounding beside the
+    largest value of all states."""
+
+    def shown(values: Any) -> Any:
+        return cleared(values, SHARE * float(np.nanmax(np.abs(values))))[kept]
+
+    line = line_along(data, shown, box) | {"rest": rest}
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 
@@ -412,6 +418,7 @@ def _verdict_rows(verdict: Verdict) -> str:
 
 def _about(stored: Stored) -> Json:
     attrs, names = stored.data.attrs, [*(row.name for row in ROWS), *map(str, stored.data.coords)]
+    swept = axis_names(stored.data) if "status" in stored.data else []
     told = (
         "history",
         "source",
@@ -430,6 +437,7 @@ def _about(stored: Stored) -> Json:
         "states": STATES,
         "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
         "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
+        | {name: axis_symbol(stored.data, name) for name in swept}
         | {
             str(name): spelled(str(one.attrs["long_name"]))
             for name, one in stored.data.data_vars.items()

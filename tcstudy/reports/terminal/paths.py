@@ -325,7 +325,7 @@ def _solutions(data: Any, at: Callable[..., str]) -> Part:
     if every:
         shown, c = data.isel(solution=slice(MOST_ROWS)), data["c"].values
         numbers = {
-            data.attrs["parameter"].split(".")[-1]: (
+            symbol(str(data.attrs["parameter"])): (
                 shown["solution_parameter"].values,
                 "parameter",
             ),
@@ -379,7 +379,7 @@ def _loop(data: Any, at: Callable[..., str]) -> str:
 MOST_CYCLES, MOST_POINTS = 3, 20
 """Cycles of one point whose steps are listed, and points that have a line; the file has them
 all."""
-MOVES = ("rests", "slides along t", "slides back", "jumps")
+MOVES = ("at rest", "slips forward", "slips backward", "jumps")
 """What a node may do in a step."""
 MISSED = 0.01
 """Part of the energy dissipated from which on it is said that finite steps miss so much of the

@@ -6,7 +6,8 @@ solvers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,8 @@ from tcstudy.data.reading import (
 )
 from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports import sentences
-from tcstudy.reports.select_point import Value, axis_labels, describe, matching
+from tcstudy.reports.rounding import floors_of
+from tcstudy.reports.select_point import Value, axis_labels, axis_symbol, describe, matching
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.text import (
     PROOFS,
@@ -44,7 +46,6 @@ from tcstudy.reports.text import (
     proved,
     quantity,
     render,
-    split_table,
 )
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
@@ -97,7 +98,6 @@ def run_parts(
     data = of_largest(data)
     yield Heading(data.attrs["title"], 1)
     yield _levels(data)
-    yield f"  {SIZES}"
     if GEOMETRIES in data.attrs:
         yield f"  {data.attrs[GEOMETRIES]} geometries: the largest h_max, dofs and contact, the least λ₁"
     if "stop" in data and data["stop"].values[-1]:
@@ -108,8 +108,6 @@ def run_parts(
         yield f"  {line}"
 
 
-SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest edges come to 1.2 to 1.6 times that"
-"""Measured on all uniform meshes in configs/ and eight more."""
 _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
     ("error_bound_relative", "rel. error bound"),
@@ -161,94 +159,179 @@ _COLUMNS = (
     ("theta_mean", "mean θ", 6),
 )
 """Numbers of a point, their titles, and their importance where there is no room for all."""
-CERTIFIED = "certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
-EVERY = 'proved to be all, but "at least" where not; of exponential laws those of their polygon, within 1e-3 of b'
+CERTIFIED = (
+    "certified: strongest property proved of the solution on its mesh "
+    "(unique, global or local minimum of the energy)"
+)
+EVERY = (
+    'equilibria: proved to be all, but "at least" where not; '
+    "of exponential laws those of their polygon, within 1e-3 of b"
+)
+NO_PART = "–: the law has no such part (slip length: it sticks nowhere)"
+FAILED = "failed: no solution; the numbers in (parentheses) are those of the last step"
+REGIONS = {
+    "debonded_length": "debonded: length where b has fallen",
+    "softening_length": "softening: length where b falls",
+    "yielded_length": "yielded: length at constant b, beyond sticking or the first rise",
+    "elastic_length": "elastic: length where b rises from 0",
+}
+"""Legends of the columns of lengths."""
+FEW_POINTS = 4
+"""Points up to which requested numbers have a row each, and the points columns."""
 
 
 def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
     """One row per point on the finest level, with what changed in ∫ξ since the level before."""
-    dims, fine = sweep_dims(data), data.isel(level=-1)
-    own = np.flatnonzero(matching(data, point)) if point else np.arange(fine["status"].size)
-    shown = own[:most]
-    place = (
-        dict(zip(dims, np.unravel_index(shown, [data.sizes[d] for d in dims]), strict=True))
-        if dims
-        else {}
-    )
-    near = data.isel({dim: slice(int(index.max()) + 1) for dim, index in place.items()})
-
-    def first(name: str, level: int = -1) -> Any:
-        return by_point(data[name].isel(level=level), data)[shown]
-
-    status = first("status")
-    solved, run = status == PointStatus.OK, status != PointStatus.NOT_RUN
-
-    def column(name: str, title: str, rank: int) -> TextColumn:
-        found = quantity(
-            title, first(name), fine[name].attrs["units"], rank=rank, like=fine[name].values
-        )
-        cells = [
-            c if good or c == "–" else f"({c})" for c, good in zip(found.cells, solved, strict=True)
-        ]
-        return TextColumn(found.title, cells, rank)
-
-    labels, rest, legend = list[TextColumn](), list[TextColumn](), [CERTIFIED]
-    for axis in axis_names(data):
-        texts, unit = axis_labels(near, axis)
-        labels.append(
-            TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]])
-        )
-    usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
-    # a reaction is the force of a held edge: once is enough
-    more = [
-        n
-        for n in asked(data)
-        if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)
-    ]
-    columns = [*labels, *(column(*one) for one in usual)]
-    wanted = [column(name, name, 0) for name in more]
-    if "solutions" in fine:
-        told = zip(
-            *(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")),
-            strict=True,
-        )
-        words = [
-            sentences.equilibria(*one) if good else "–"
-            for one, good in zip(told, solved, strict=True)
-        ]
-        rest.append(TextColumn("equilibria", words, 1))
-        legend.append(f"equilibria: {EVERY}")
-    flags = {name: first(name) for name, _ in PROOFS}
-    proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(len(shown))]
-    proofs = [
-        p if good else "failed" if was else "not run"
-        for p, good, was in zip(proofs, solved, run, strict=True)
-    ]
-    rest.append(TextColumn("certified", proofs, 1))
-    if data.sizes["level"] > 1:
-        change = np.abs(first("friction_resultant") - first("friction_resultant", -2))
-        change, like = np.where(solved, change, np.nan), fine["friction_resultant"]
-        rest.append(quantity("Δ∫ξ to last level", change, like.attrs["units"], 2, 4, like.values))
-    lengths = [name for name, *_ in usual if name.endswith("_length")]
-    if "slip_length" not in lengths or any(np.isnan(first(name)[solved]).any() for name in lengths):
-        legend.append("–: of a law without such a part (slip length: that sticks nowhere)")
-    if len(lengths) > 1:
-        legend.append(
-            "debonded, softening, yielded, elastic: lengths where b has fallen, falls, does neither, rises from 0"
-        )
-    if np.any(run & ~solved):
-        legend.append(
-            "failed: no solution; the numbers in (parentheses) are those of the last step"
-        )
-    few = f" first {len(shown)} of {len(own)} points" if len(shown) < len(own) else ""
+    rows = _Rows(data, most, point)
+    fine = rows.fine
+    few = ""
+    if len(rows.shown) < rows.chosen:
+        few = f" first {len(rows.shown)} of {rows.chosen} points"
     yield f"  Level {int(fine['level'])}, the finest:{few}"
-    if wanted and not fits([*columns, *wanted, *rest]):
-        yield Table("", [*columns, *rest])
-        yield "  Asked for by output:"
-        yield split_table(labels, wanted)
+    labels = rows.labels()
+    usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
+    usual_columns = rows.usual(usual)
+    rest = rows.rest()
+    requested = _requested(data)
+    columns = [rows.column(name, name, rank) for rank, name in enumerate(requested, 1)]
+    whole = [*labels, *usual_columns, *columns, *rest]
+    if fits(whole):
+        yield Table("", whole)
+        return
+    yield Table("", [*labels, *usual_columns, *rest])
+    if not requested:
+        return
+    yield "  Requested by output:"
+    if len(rows.shown) <= FEW_POINTS:
+        yield rows.transposed(labels, requested)
     else:
-        yield Table("", [*columns, *wanted, *rest])
-    yield "\n".join(f"  {line}" for line in legend)
+        yield Table("", [*labels, *columns])
+
+
+def _requested(data: Any) -> list[str]:
+    """Return the names of requested numbers; a reaction is the force of a held edge, which is
+    enough."""
+    names = asked(data)
+    forces = {name for name in names if name.startswith("force_")}
+    return [name for name in names if name.replace("reaction_", "force_", 1) not in forces - {name}]
+
+
+class _Rows:
+    """The points of a run that a table shows, and their columns on the finest level.
+
+    shown: places of the points in the sweep;  chosen: points that have the labels asked for
+    """
+
+    def __init__(self, data: Any, most: int | None, point: Mapping[str, Value]) -> None:
+        self.data, self.fine = data, data.isel(level=-1)
+        chosen = np.arange(self.fine["status"].size)
+        if point:
+            chosen = np.flatnonzero(matching(data, point))
+        self.chosen, self.shown = len(chosen), chosen[:most]
+        self.floors = floors_of(data)
+        status = self.values("status")
+        self.solved = status == PointStatus.OK
+        self.run = status != PointStatus.NOT_RUN
+
+    def values(self, name: str, level: int = -1) -> Any:
+        """Return the values of a variable at the points, 0 in place of rounding."""
+        stored = by_point(self.data[name].isel(level=level), self.data)
+        return self.floors.cleared(name, stored, level)[self.shown]
+
+    def labels(self) -> list[TextColumn]:
+        """Return a column of the labels of each swept parameter."""
+        data, dims = self.data, sweep_dims(self.data)
+        if not dims:
+            return []
+        index = np.unravel_index(self.shown, [data.sizes[dim] for dim in dims])
+        place = dict(zip(dims, index, strict=True))
+        near = data.isel({dim: slice(int(at.max()) + 1) for dim, at in place.items()})
+        columns = []
+        for axis in axis_names(data):
+            texts, unit = axis_labels(near, axis)
+            heading = headed(axis_symbol(data, axis), unit)
+            at = place[str(data[axis].dims[0])]
+            columns.append(TextColumn(heading, [texts[i] for i in at]))
+        return columns
+
+    def column(self, name: str, title: str, rank: int, like: Any = None) -> TextColumn:
+        """Return the column of a number; those of points without a solution are in parentheses."""
+        values = self.values(name)
+        if like is None:
+            like = values[self.solved]
+        units = str(self.fine[name].attrs["units"])
+        numbers = quantity(title, values, units, rank=rank, like=like)
+        cells = []
+        for cell, solved in zip(numbers.cells, self.solved, strict=True):
+            cells.append(cell if solved or cell == "–" else f"({cell})")
+        notes = (REGIONS[name],) if name in REGIONS else ()
+        return TextColumn(numbers.title, cells, rank, notes)
+
+    def usual(self, usual: Sequence[tuple[str, str, int]]) -> list[TextColumn]:
+        """Return the columns of what every run has; all lengths have one unit."""
+        lengths = [name for name, *_ in usual if name.endswith("_length")]
+        sizes = [self.values(name)[self.solved] for name in lengths]
+        columns = []
+        for name, title, rank in usual:
+            like = np.concatenate(sizes) if name in lengths else None
+            column = self.column(name, title, rank, like)
+            if name in lengths and "–" in column.cells:
+                column = replace(column, notes=(*column.notes, NO_PART))
+            columns.append(column)
+        return columns
+
+    def rest(self) -> list[TextColumn]:
+        """Return the columns of what is proved, and of the change with the last level."""
+        columns = []
+        if "solutions" in self.fine:
+            columns.append(TextColumn("equilibria", self._equilibria(), 1, (EVERY,)))
+        flags = {name: self.values(name) for name, _ in PROOFS}
+        proofs = []
+        for i, (solved, run) in enumerate(zip(self.solved, self.run, strict=True)):
+            strongest = proved({name: flag[i] for name, flag in flags.items()})
+            without = "failed" if run else "not run"
+            proofs.append(strongest if solved else without)
+        notes = (CERTIFIED, FAILED) if "failed" in proofs else (CERTIFIED,)
+        columns.append(TextColumn("certified", proofs, 1, notes))
+        if self.data.sizes["level"] > 1:
+            columns.append(self._change())
+        return columns
+
+    def _equilibria(self) -> list[str]:
+        names = ("solutions", "stable_solutions", "complete")
+        counts = np.stack([self.values(name) for name in names], axis=1).tolist()
+        words = []
+        for count, solved in zip(counts, self.solved, strict=True):
+            words.append(sentences.equilibria(*count) if solved else "–")
+        return words
+
+    def _change(self) -> TextColumn:
+        """Return the column of what the last level changed in ∫ξ, in the unit of ∫ξ."""
+        resultant = self.values("friction_resultant")
+        change = np.abs(resultant - self.values("friction_resultant", -2))
+        change = np.where(self.solved, change, np.nan)
+        units = self.fine["friction_resultant"].attrs["units"]
+        like = resultant[self.solved]
+        return quantity("Δ∫ξ to last level", change, units, 2, 4, like)
+
+    def transposed(self, labels: Sequence[TextColumn], names: Sequence[str]) -> Table:
+        """Return the table of a few points with one row per number, in a unit of its own."""
+        units, cells = list[str](), list[list[str]]()
+        for name in names:
+            heading = self.column(name, "", 0)
+            units.append(heading.title.strip(" []"))
+            cells.append(list(heading.cells))
+        columns = [TextColumn("quantity", names), TextColumn("unit", units)]
+        for i in range(len(self.shown)):
+            label = ", ".join(_with_label(column, i) for column in labels)
+            columns.append(TextColumn(label or "value", [row[i] for row in cells]))
+        return Table("", columns)
+
+
+def _with_label(column: TextColumn, place: int) -> str:
+    """Return a label with its parameter and unit: width = 20 mm."""
+    name, _, unit = column.title.partition(" [")
+    return f"{name} = {column.cells[place]} {unit.rstrip(']')}".rstrip()
 
 
 SAME = 1e-9

@@ -89,7 +89,7 @@ def test_curves_show_the_stored_numbers_and_say_what_is_missing(stored: Stored) 
             np.array(line.get_data(), dtype=float), [[0.0, 10.0, 20.0], 1e6 * values]
         )
     assert np.isnan(kept).tolist() == [[False, False], [False, False], [False, True]]
-    assert figure.axes[0].get_xlabel() == "θ̄ [K]"
+    assert figure.axes[0].get_xlabel() == r"$\bar{θ}$ [K]"
     assert (
         words == "u_T_max over theta_bar and friction, level 1, 1 of 6 points left out: 1 singular"
     )
@@ -284,3 +284,9 @@ def test_an_index_stands_below_its_letter_and_nothing_else_is_a_formula() -> Non
         "u_x of grip",
         "θ̄",
     ]
+
+
+@pytest.mark.parametrize("names", ["u_x,height", ("boundary.top.u_x", "height"), "top_u_x, height"])
+def test_a_map_finds_its_parameters_by_text_path_and_end(stored: Stored, names: Any) -> None:
+    figure, _ = drawn(stored("pads"), map=names, of="u_T_max")
+    assert figure.axes[0].get_xlabel() == "$u_{x}$ of top [mm]"

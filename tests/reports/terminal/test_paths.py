@@ -35,7 +35,7 @@ def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
         attrs={"parameter": "boundary.grip.u_x", "parameter_range": [0.0, 1e-3]},
     )
     [peak] = path_verdict(data).answer[:1]
-    assert peak == "peak friction 7 kN m⁻¹ (mean 3.5 kPa), at u_x = 1 mm"
+    assert peak == "peak friction 7 kN m⁻¹ (mean 3.5 kPa), at u_x of grip = 1 mm"
 
 
 def test_equilibria_are_counted_interval_by_interval() -> None:
