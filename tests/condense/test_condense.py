@@ -8,8 +8,8 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay
 
-from tcstudy.condense import NotPositiveDefinite, condensation, condense
-from tcstudy.condense.condensation import _separators
+from tcstudy.condense import NotPositiveDefinite, condense, elimination_plan
+from tcstudy.condense.dissection import halved, minimum_cover
 
 
 def plate(n, grading=1.0, seed=None, length=2):
@@ -237,23 +237,51 @@ def test_a_plan_serves_other_matrices_of_the_same_pattern_alone():
 
 def test_fronts_times_unknowns_may_pass_32_bits(monkeypatch):
     """A chain cut into pieces of two: every front of the plan touches a later unknown."""
-    monkeypatch.setattr(condensation, "LEAF_UNKNOWNS", 2)
+    monkeypatch.setattr(elimination_plan, "LEAF_UNKNOWNS", 2)
     n = 50_000
     chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
     points = np.column_stack([np.arange(n), np.zeros(n)])
-    plan = condensation.plan_elimination(chain, points, 1, np.array([n - 1]), np.arange(n) < n - 1)
+    plan = elimination_plan.plan_elimination(
+        chain, points, 1, np.array([n - 1]), np.arange(n) < n - 1
+    )
     assert len(plan.stops) * n > 2**31
     own = np.diff(plan.stops, prepend=0) > 0
     assert all(plan.stops[f] <= plan.boundaries[f][0] < n for f in np.flatnonzero(own)[:-1])
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_a_separator_has_the_fewest_nodes_that_cut_all_edges(seed):
+def test_a_separator_has_the_fewest_nodes_that_meet_all_edges(seed):
     """As many as the largest matching has edges (König)."""
     rng, n = np.random.default_rng(seed), 40
-    left, pairs = rng.random(n) < 0.5, np.triu(rng.random((n, n)) < 0.1, 1)
-    i, j = (side.astype(np.int32) for side in np.nonzero(pairs | pairs.T))
-    found = _separators(left, i, j)
-    assert np.all(found[i] | found[j] | (left[i] == left[j]))
-    across = sp.csr_matrix((pairs | pairs.T)[left][:, ~left])
-    assert np.count_nonzero(found) == np.count_nonzero(maximum_bipartite_matching(across) >= 0)
+    pairs = rng.random((n, n)) < 0.06
+    lower, upper = np.nonzero(pairs)
+    cover = minimum_cover(lower, n + upper)
+    assert np.all(np.isin(lower, cover) | np.isin(n + upper, cover))
+    matching = maximum_bipartite_matching(sp.csr_matrix(pairs))
+    assert len(cover) == np.count_nonzero(matching >= 0)
+
+
+@pytest.mark.parametrize("columns", [1, 3, 50])
+def test_nodes_of_equal_coordinates_are_halved_by_rank(columns):
+    """Parts differ by one node, also where a cut runs through nodes that are level or coincide."""
+    x = np.repeat(np.arange(columns), 300)
+    points = np.column_stack([x, np.tile([0.0, 1.0, 1.0], len(x) // 3)])
+    halving = halved(points, leaf=7)
+    sizes = np.bincount(halving.part)
+    assert len(sizes) == 2**halving.depth
+    assert sizes.max() <= 7
+    assert np.ptp(sizes) <= 1
+
+
+def test_the_order_does_not_depend_on_how_many_components_share_a_pattern():
+    """Where blocks differ in pattern, unknowns are ordered one by one, with the same result."""
+    A, points, keep, free, components = rolled_plate(MESHES["irregular"])
+    dropped = A.tolil()
+    i, j = A[:, : len(points)].nonzero()
+    k = np.flatnonzero((i >= len(points)) & free[i] & free[j])[0]
+    dropped[i[k], j[k]] = dropped[j[k], i[k]] = 0.0
+    stored = A.copy()
+    stored[i[k], j[k]] = stored[j[k], i[k]] = 0.0
+    reference = condense(stored, points, keep, free, components).A_tilde
+    single = condense(sp.csr_matrix(dropped), points, keep, free, components).A_tilde
+    assert relative(single, reference) < 1e-12
