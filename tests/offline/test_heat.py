@@ -150,7 +150,7 @@ def sliver_level(width: float, thinner: float, left: str, *overrides: str) -> tu
     return scene, Level(layered(build(scene.body), width, thinner), scene)
 
 
-@pytest.mark.parametrize("thinner", [1e4, 1e6])
+@pytest.mark.parametrize("thinner", [5e4, 1e6])
 def test_refinement_gives_slivers_their_digits_back(
     monkeypatch: pytest.MonkeyPatch, thinner: float
 ) -> None:
