@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 NAN = float("nan")
 
-MIN_LEVELS = 3
-"""Levels below which no limit is given: two say nothing of the order."""
+MIN_LEVELS, MAX_LEVELS = 3, 5
+"""Levels below which no limit is given, as two say nothing of the order, and the finest levels that
+count where there are more."""
 MIN_ORDER, MIN_CENTRE_ORDER, MAX_ORDER = 0.5, 1.0, 2.0
 """Orders that the uncertainty and the limit rely on at least, and both at most."""
 MEMORY = 0.6
@@ -47,7 +48,7 @@ FACTORS = {
     "slip_length": (1.0, 1.0, 1.0),
     "u_T_max": (4.0, 3.0, 2.5),
 }
-"""Uncertainty over the step by quantity: of three, of four, of five and more levels."""
+"""Uncertainty over the step by quantity: of three, of four, of five levels."""
 MOST_UNRESOLVED = 4.0
 """Scaled difference that the cells of Γ_C explain at most of a result that is no sum of cells: where
 equilibrium fixes ∫ξ, it does not follow the cells."""
@@ -123,7 +124,7 @@ def limit_of(name: str, h: Array, q: Array, unresolved: float = 0.0) -> Limit:
     NaN values, of levels that were not solved, are left out; fewer than MIN_LEVELS have no limit.
     """
     known = np.isfinite(q)
-    h, q = h[known], q[known]
+    h, q = h[known][-MAX_LEVELS:], q[known][-MAX_LEVELS:]
     if len(q) < MIN_LEVELS:
         return Limit()
     differences = np.diff(q)
@@ -141,7 +142,7 @@ def limit_of(name: str, h: Array, q: Array, unresolved: float = 0.0) -> Limit:
     step = max(abs(last) / (ratio**step_order - 1.0), MEMORY * scaled_difference)
     if name != "slip_length":
         unresolved = min(unresolved, MOST_UNRESOLVED * scaled_difference)
-    factor = FACTORS[name][min(len(q), 5) - MIN_LEVELS]
+    factor = FACTORS[name][len(q) - MIN_LEVELS]
     return Limit(float(limit), float(max(factor * step, unresolved)), centre_order)
 
 

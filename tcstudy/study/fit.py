@@ -247,6 +247,9 @@ def _found(
     ]
     datum_given = np.concatenate(given).astype(float)
     feet = [one.foot[:, 0] for one in found if len(one.foot)]
+    datum = np.concatenate([column.values for _, column in columns])
+    # shown is observed − fitted; what is minimised has the sign that its derivatives suit
+    predicted = np.concatenate([one.predicted for one in found])
     values: dict[str, Any] = {
         "parameter": np.array([one.number.name for one in plan.parameters], dtype=object),
         "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
@@ -255,11 +258,11 @@ def _found(
         "measured_column": np.concatenate(
             [np.full(len(own), i, np.int32) for i, own in enumerate(tests.groups)]
         ),
-        "datum": np.concatenate([column.values for _, column in columns]),
+        "datum": datum,
         "datum_given": datum_given,
-        "predicted": np.concatenate([one.predicted for one in found]),
+        "predicted": predicted,
         "predicted_given": np.concatenate(feet) if feet else datum_given,
-        "residual": best.residual,
+        "residual": np.copysign(best.residual, datum - predicted),
         "jacobian": best.jacobian * box.rate(best.p),
         "noise": np.concatenate([model.noise for model in tests.models]),
         "cost": np.array(best.costs),

@@ -122,6 +122,8 @@ def test_the_law_of_the_gallery_is_found_through_its_snap_back(tmp_path: Path) -
     assert int(record.attributes["evaluations"]) <= 16
     assert float(record.attributes["fit_probability"]) > 0.01
     assert record.attributes["not_determined"] == ""
+    residual, above = record.values["residual"], record.values["datum"] > record.values["predicted"]
+    assert np.array_equal(residual > 0.0, above)  # observed − fitted
 
 
 def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
@@ -206,6 +208,8 @@ def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:
     (tmp_path / "heated.csv").write_text("x [mm],u [um]\n" + rows, encoding="utf-8")
     record = fit(read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml"))
     assert record.values["estimate"] == pytest.approx([tau], rel=0.01)
+    observed_minus_fitted = record.values["datum"] - record.values["predicted"]
+    assert record.values["residual"] == pytest.approx(observed_minus_fitted / 0.3e-6, abs=1e-9)
     assert int(record.attributes["solves"]) <= int(record.attributes["evaluations"]) + 2
     with pytest.raises(StudyError, match=r"a profile of u_T needs the columns x and u_T"):
         read_study_text(

@@ -421,10 +421,12 @@ def fit_figure(data: Any, look: style.Look) -> Figure:
     for i, name in enumerate(data["parameter"].values):
         divisor, unit = prefix([float(data["estimate"][i])], str(data["parameter_units"].values[i]))
         value, error = (float(data[key][i]) / divisor for key in ("estimate", "standard_error"))
-        told = f"{style.symbol(str(name))} = {number(value)} ± {number(error, 2)} {pretty(unit)}".rstrip()
-        found.append(told.replace(" ", "\xa0"))  # no line ends within it
+        estimate = f"{style.symbol(str(name))} = {number(value)} {pretty(unit)}".rstrip()
+        if np.isfinite(error):
+            estimate += f", s.e. {number(error, 2)}"
+        found.append(estimate.replace(" ", "\xa0"))  # no line ends within it
     rows = (("curve", "curve"), ("residuals", "law" if "law" in panels else "residuals"))
-    sheet = Sheet(look, data.attrs["title"], [",  ".join(found)], rows, (2.75, 1.4))
+    sheet = Sheet(look, data.attrs["title"], [";  ".join(found)], rows, (2.75, 1.4))
     sheet.draw(panels)
     sheet.legend("curve")
     return sheet.finish()
@@ -433,7 +435,7 @@ def fit_figure(data: Any, look: style.Look) -> Figure:
 def fit_panels(data: Any) -> dict[str, Panel]:
     """Its panels by name: the curve of the first measured column, residuals, the law, curves of
     other columns."""
-    residuals = Panel(Scale("number of the datum"), Scale("residual / noise"))
+    residuals = Panel(Scale("number of the datum"), Scale("(observed − fitted) / noise"))
     residuals.shade(-BAND, BAND, upright=False)
     residuals.across(0.0)
     for i in np.unique(column := data["measured_column"].values):

@@ -265,7 +265,7 @@ def fit_sections(stored: Stored, box: Container) -> list[Json]:
         ("noise", "noise", "noise"),
     )
     told += [(key, title, units, data[variable].values) for key, title, variable in kinds]
-    told.append(("residual", "residual / noise", "1", data["residual"].values))
+    told.append(("residual", "(observed − fitted) / noise", "1", data["residual"].values))
     columns = [column(name, title, unit, values, box) for name, title, unit, values in told]
     rest = [panel_part(panel, box, high=260) for panel in panels.values()]
     facts = {"part": "facts", "columns": columns}
