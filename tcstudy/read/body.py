@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -49,6 +49,7 @@ from tcstudy.shapes.edges import (
     body_area,
     body_size,
     edge_distance,
+    edge_length,
     edge_normal,
     edge_points,
     inside,
@@ -365,6 +366,65 @@ def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
         ctx.errors.unfit(
             node, "mesh.maxh" if ctx.errors.refused is not None else node.path, what, remedy
         )
+
+
+ONE_ELEMENT = 1.5
+"""Length of a straight edge over the element size, below which the mesher makes it one element."""
+
+
+def check_contact_nodes(
+    ctx: Context, maxh: Node, plan: MeshPlan, body: Body, boundary: Boundary
+) -> None:
+    """Record every size at which a contact edge is one element between two corners that are held,
+    so that it has no free node.
+
+    Only where the size of elements is `maxh` all along the edge: no other edge is shorter than it,
+    none is an arc, and there are no regions. Other bodies are judged on their mesh.
+    """
+    curved = any(edge.through is not None for edge in body.edges)
+    if body.outline is None or body.regions or curved or plan.refine:
+        return
+    unit = " m" if ctx.units == "SI" else ""
+    shortest = min(map(edge_length, body.edges)) * (1.0 - 1e-9)
+    pinned = _pinned_edges(body, dict(boundary))
+    for i, size in enumerate(plan.maxh):
+        for edge in pinned:
+            length = edge_length(edge)
+            if length >= ONE_ELEMENT * size or shortest < min(size, length) * (1.0 - 1e-6):
+                continue
+            what = (
+                f"the contact edge {edge.name} of {length:g}{unit} would be one element between "
+                "corners that are held, without a free node"
+            )
+            remedy = f"choose a smaller maxh, for example {0.5 * length:.2g}{unit}"
+            node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
+            key = "mesh.maxh" if ctx.errors.refused is not None else node.path
+            ctx.errors.unfit(node, key, what, remedy)
+            break
+
+
+def _pinned_edges(body: Body, roles: Mapping[str, Role]) -> list[Edge]:
+    """Return the contact edges both of whose corners are held along them by the edges beside."""
+    ends: dict[int, int] = {}
+    edges: dict[int, Edge] = {}
+    for before, after in (pair for loop in body.loops for pair in loop.corners):
+        for edge, other in ((before, after), (after, before)):
+            if not isinstance(roles.get(edge.name), Contact):
+                continue
+            normal = edge_normal(edge, np.array([before.end]))[0]
+            if _holds_along(roles.get(other.name, Free()), other, before.end, normal):
+                ends[id(edge)] = ends.get(id(edge), 0) + 1
+                edges[id(edge)] = edge
+    return [edge for key, edge in edges.items() if ends[key] == 2]
+
+
+def _holds_along(role: Role, edge: Edge, at: Point, normal: Array) -> bool:
+    """Return whether an edge holds its end against motion along a line with this normal."""
+    if isinstance(role, Rigid):  # which moves as a whole
+        return False
+    directions = _components(role.frame, role.u, edge_normal(edge, np.array([at]))[0])
+    along = (d_x * -normal[1] + d_y * normal[0] for d_x, d_y, _ in directions)
+    return any(abs(part) > 1e-6 for part in along)
 
 
 def mesh_faults(

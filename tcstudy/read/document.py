@@ -333,6 +333,15 @@ MAX_BYTES = 16_000_000
 """Of a study, or a table beside it; MAX_NODES numbers with their keys take less."""
 UNCOUNTED = re.compile(r"#[^\n]*|'[^']*'|\"[^\"]*\"|\n(?=\s*(?:#|\n))")
 """Comments, texts in quotes and empty lines, which separate no values."""
+MALFORMED = (
+    ArithmeticError,
+    ValueError,
+    IndexError,
+    AttributeError,
+    TypeError,
+    AssertionError,
+)
+"""What malformed escapes, directives and tags make the YAML library fail with in its own code."""
 ESCAPE = re.compile(r"\\U([0-9A-Fa-f]{8})")
 TAG = "tag:yaml.org,2002:"
 TEXTS, NUMBERS = (
@@ -402,19 +411,18 @@ def compose(
         ) from None
     except YAMLError as error:
         raise _syntax_error(error, text, file, option) from None
-    except OverflowError:
-        large = next(match for match in ESCAPE.finditer(text) if int(match[1], 16) > sys.maxunicode)
-        line, column = (0, 0) if option else _line_and_column(text, large.start())
-        what, remedy = (
-            f"the escape {large[0]} stands for no character",
-            "write the character itself",
-        )
-        raise _refusal(file, what, remedy, line, column) from None
-    except (ValueError, IndexError, AttributeError, TypeError, AssertionError) as error:
-        # Malformed escapes, directives and tags make the YAML library fail in its own code.
+    except MALFORMED as error:
+        if large := next((one for one in ESCAPE.finditer(text) if _is_beyond(one)), None):
+            line, column = (0, 0) if option else _line_and_column(text, large.start())
+            what, remedy = f"the escape {large[0]} is no character", "write the character itself"
+            raise _refusal(file, what, remedy, line, column) from None
         raise _refusal(
             file, f"the YAML cannot be read ({error})", "look for odd directives, tags or escapes"
         ) from None
+
+
+def _is_beyond(escape: re.Match[str]) -> bool:
+    return int(escape[1], 16) > sys.maxunicode
 
 
 def _json_node(text: str, file: str, path: str) -> Node | None:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from tcstudy.read.body import check_goal, check_mesh
+from tcstudy.read.body import check_contact_nodes, check_goal, check_mesh
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
@@ -53,7 +53,10 @@ def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:
         _mesh(ctx, section) if (section := root.at("mesh")) else None
     )  # that it is missing is recorded already
     if section and plan and body:
+        before = len(ctx.errors)
         check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
+        if reader.base is not None and len(ctx.errors) == before:
+            check_contact_nodes(ctx, root.nearest("mesh", "maxh"), plan, body, reader.base.boundary)
         if reader.scenes and (goal := section.at("of") or section.at("goal")):
             check_goal(ctx, goal, plan.goal, body, reader.scenes)
     return plan

@@ -79,6 +79,25 @@ def test_faults_are_reported_at_once_sorted_by_line() -> None:
     ]
 
 
+def test_faults_of_names_hide_no_others() -> None:
+    """What uses a name with a fault is left unread; all else is judged."""
+    text = changed("radius: 0.2", "radius: 2*r", changed("nu: 0.3", "nu: 0.7"))
+    text = text.replace("delta: [20 um", "size: [20 um").replace("maxh: 0.2", "maxh: size")
+    names = "parameters: {r: 0.1 kgg, size: 0.1 mms, s: 2*r, a: b, b: a, c: 5 mm}\n"
+    keys = [line.split(": ")[1] for line in problems(f"{text}{names}")]
+    assert keys == ["material.nu", *(f"parameters.{name}" for name in ("r", "size", "a"))]
+
+
+def test_columns_of_one_parameter_are_refused_whatever_their_units(tmp_path: Path) -> None:
+    table = tmp_path / "points.csv"
+    table.write_text("alpha,friction.delta [um],delta [mm]\n1,2,3\n2,3,4\n")
+    [line] = problems(f"{BASE[: BASE.index('sweep:')]}sweep: {{points: {table}}}\n")
+    assert "points.csv:1:27: sweeps the same parameter as 'friction.delta'" in line
+    table.write_text("friction.delta [um],friction.delta [mm]\n2,3\n3,4\n")
+    [line] = problems(f"{BASE[: BASE.index('sweep:')]}sweep: {{points: {table}}}\n")
+    assert "sweeps the same parameter as 'friction.delta [um]'" in line
+
+
 def test_a_text_with_a_unit_is_refused_in_a_dimensionless_study() -> None:
     lines = problems("units: none\n" + BASE)
     assert len(lines) == 11

@@ -56,6 +56,32 @@ def test_faults_of_the_text(text: str, line: int, column: int, part: str) -> Non
     assert problem.remedy
 
 
+def test_halves_of_characters_are_joined_or_refused() -> None:
+    assert tree(r'{"\ud83d\ude00": "a \ud83d\ude00"}').plain() == {"😀": "a 😀"}
+    for text, place in (
+        (r'{a: 1, b: "\ud83d"}', (1, 11)),
+        ('a: 1\n"\\ude00": 2', (2, 1)),
+        (r'a: "\ud83d \ude00"', (1, 4)),
+        (r'a: "\UFFFFFFFF"', (1, 5)),
+        (r'a: "\U00110000"', (1, 5)),
+    ):
+        problem = first_problem(text)
+        assert (problem.line, problem.column) == place
+        assert "write the character itself" in problem.remedy
+
+
+def test_an_option_of_json_is_the_same_tree_as_one_of_yaml() -> None:
+    texts = (
+        '{"a": [1, 2.5, "x", null, true], "b": {"c": 1e3}}',
+        "{a: [1, 2.5, x, null, true], b: {c: 1e3}}",
+    )
+    one, other = (compose(text, "--set s", Collector(), "s", option=True) for text in texts)
+    assert [repr(node) for node in one.all()] == [repr(node) for node in other.all()]
+    errors = Collector()
+    compose('{"a": 1, "a": 2}', "--set s", errors, "s", option=True)
+    assert "given twice" in errors.problems[0].what
+
+
 def test_aliases_cannot_explode(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tcstudy.read.document.MAX_NODES", 5000)
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]

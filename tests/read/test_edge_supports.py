@@ -1,11 +1,14 @@
 """What supports must hold, and what a mesh says of rigid edges."""
 
+from dataclasses import replace
+
 import pytest
 
-from tcstudy.errors import GeometryFailed
-from tcstudy.fem.forms import constrain
+from tcstudy.errors import GeometryFailed, StudyError
+from tcstudy.fem.forms import constrain, contact_line
 from tcstudy.fem.geometry import build
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.records import Contact
 from tests.verification.scenes import mesh_family
 
 PLATE = "body: {rectangle: {width: 1, height: 0.4, edges: {bottom: film, right: end}}}\n"
@@ -37,3 +40,29 @@ def test_a_rigid_edge_that_contact_holds_is_refused(given: str, said: str) -> No
     mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
     with pytest.raises(GeometryFailed, match=said):
         constrain(mesh, study.scenes[0].boundary)
+
+
+@pytest.mark.parametrize("height", [0.14, 0.2, 0.224, 0.226, 0.3])
+@pytest.mark.parametrize("side", ["contact", "clamped"])
+def test_a_contact_edge_of_one_element_between_held_corners_is_refused_before_the_mesh(
+    height: float, side: str
+) -> None:
+    """By the reader where the mesher would make one, and only there."""
+    edges = f"left: {side}, right: contact, top: contact, bottom: {side}"
+    text = (
+        f"body: {{rectangle: {{width: 0.6, height: {height}}}}}\nboundary: {{{edges}}}\n"
+        + REST.replace("0.2", "0.15")
+    )
+    study = read_study_text(text.replace("0.15", "0.01"))
+    scene = study.scenes[0]
+    mesh = next(mesh_family(build(scene.body), replace(study.mesh, maxh=(0.15,))))
+    try:
+        contact_line(mesh, constrain(mesh, scene.boundary), scene.edges(Contact))
+    except GeometryFailed:
+        with pytest.raises(StudyError, match="would be one element") as refused:
+            read_study_text(text)
+        [fault] = refused.value.problems
+        example = fault.remedy.rpartition("example ")[2].removesuffix(" m")
+        assert read_study_text(text.replace("0.15", example)).scenes
+    else:
+        assert read_study_text(text).scenes
