@@ -1,14 +1,19 @@
 """Speed of a point and of a sweep: `python -m tests.benchmarks.speed` writes results/speed.md in
-ten minutes.
+ten minutes; with `--against CHECKOUT` its factor is measured beside ours.
+
+MUMPS takes part where its Python package (python-mumps) is installed.
 
 Times are process CPU times (the machine is shared), one thread, no TaskManager. What is compared
-runs in turn on the same matrix: ours gives factor, Ã and condition estimate, the others a factor
-alone.
+runs in turn on the same matrix: ours gives factor, Ã and condition estimate, MUMPS factor and Ã, the
+others a factor alone.
 """
 
+import argparse
 import gc
+import importlib
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +56,6 @@ STAGES = (
     "contact solve",
     "certificate",
 )
-FACTORS = ("tcstudy, with Ã", "NGSolve sparsecholesky", "NGSolve umfpack", "scipy splu")
 LARGEST = {"NGSolve umfpack": 3e5, "scipy splu": 1e5}
 """Unknowns beyond which a factorisation is not run: minutes, and gigabytes."""
 SWEEPS = {"10 α × 10 θ̄ × 10 laws": (10, 10, 10), "α alone": (1000, 1, 1)}
@@ -71,6 +75,30 @@ def finest(study: Study) -> PlaneMesh:
     return last
 
 
+Condense = Callable[..., Any]
+"""`tcstudy.condense.condense` of some checkout."""
+
+
+def condense_of(checkout: str) -> Condense:
+    """Return `condense` of another checkout, beside that of this one."""
+    ours = {name: sys.modules.pop(name) for name in [*sys.modules] if is_condense(name)}
+    package = importlib.import_module("tcstudy")
+    path = list(package.__path__)
+    package.__path__ = [str(Path(checkout) / "tcstudy")]
+    try:
+        theirs: Condense = importlib.import_module("tcstudy.condense").condense
+    finally:
+        package.__path__ = path
+    for name in [name for name in sys.modules if is_condense(name)]:
+        del sys.modules[name]
+    sys.modules.update(ours)
+    return theirs
+
+
+def is_condense(module: str) -> bool:
+    return module == "tcstudy.condense" or module.startswith("tcstudy.condense.")
+
+
 class Clock:
     """CPU seconds since the last reading."""
 
@@ -83,9 +111,12 @@ class Clock:
         return passed
 
 
-def stages_and_factors() -> Iterator[str]:
+def stages_and_factors(earlier: Condense | None) -> Iterator[str]:
     """Two tables: CPU times of the stages of a cold point, and of factorisations of its stiffness
-    matrix, against N."""
+    matrix, against N.
+
+    earlier: `condense` of another checkout, to be measured beside ours
+    """
     sizes, stages, factors = [], [], []
     for levels, runs in LEVELS.items():
         study = study_of(levels)
@@ -100,17 +131,18 @@ def stages_and_factors() -> Iterator[str]:
             size, built = (level.frames.n_dof, level.line.m), clock()
             own = [time_mesh, built, *_stages(level, scene)]
             del level
-            found.append((own, list(_factors(mesh, scene, size[0]))))
+            found.append((own, _factors(mesh, scene, earlier)))
             gc.collect()
         sizes.append(size)
         stages.append(np.array([one for one, _ in found]))
-        factors.append(np.array([one for _, one in found]))
+        factors.append(np.array([[*one.values()] for _, one in found]))
+        names = tuple(found[-1][1])
         print(
             f"{size[0]} unknowns: {np.median(stages[-1], axis=0).sum():.2f} s a cold point",
             flush=True,
         )
     yield from (*_table("stage", STAGES, stages, sizes), "")
-    yield from (*_table("factor of the stiffness matrix", FACTORS, factors, sizes), "")
+    yield from (*_table("factor of the stiffness matrix", names, factors, sizes), "")
     yield "p: time ~ Nᵖ, fitted from N = 10⁴ on; m ~ √N on these meshes, so that in m the exponent is 2p."
 
 
@@ -133,30 +165,49 @@ def _stages(level: Level, scene: Scene) -> Iterator[float]:
     yield clock()
 
 
-def _factors(mesh: PlaneMesh, scene: Scene, n_dof: int) -> Iterator[float]:
-    """CPU times of the factorisations of one stiffness matrix, Γ_D and u_N on Γ_C held."""
+def _factors(mesh: PlaneMesh, scene: Scene, earlier: Condense | None) -> dict[str, float]:
+    """Return CPU times of the factorisations of one stiffness matrix, Γ_D and u_N on Γ_C held."""
     level = Level(mesh, scene)
     frames, line = level.frames, level.line
     matrix = ElasticForms(mesh).stiffness_of((((), scene.material.lam, scene.material.mu),), frames)
     eliminate = ~frames.fixed
     eliminate[line.nodes] = False
-    clock = Clock()
-    condense(matrix, mesh.points, line.nodes, eliminate, components=2)
-    yield clock()
+    case = matrix, mesh.points, line.nodes, eliminate
+    free_rows = np.flatnonzero(~frames.fixed)
+    part = matrix[free_rows][:, free_rows].tocsc()
+    kept_in_part = np.searchsorted(free_rows, line.nodes)
     form, free = _ngsolve_matrix(mesh, scene, frames.fixed)
-    for name in FACTORS[1:]:
-        if n_dof > LARGEST.get(name, np.inf):
-            yield float("nan")
-        elif name == "scipy splu":
-            rows = np.flatnonzero(~frames.fixed)
-            part = matrix[rows][:, rows].tocsc()
+    plan = condense(*case, components=2).plan
+    ways: dict[str, Callable[[], object]] = {
+        "tcstudy, with Ã": lambda: condense(*case, components=2),
+        "tcstudy, with Ã, order known": lambda: condense(*case, components=2, plan=plan),
+        "NGSolve sparsecholesky": lambda: form.mat.Inverse(free, inverse="sparsecholesky"),
+        "MUMPS, with Ã": lambda: _mumps_schur(part, kept_in_part),
+        "NGSolve umfpack": lambda: form.mat.Inverse(free, inverse="umfpack"),
+        "scipy splu": lambda: spla.splu(part),
+    }
+    if earlier is not None:
+        ways["tcstudy of the other checkout, with Ã"] = lambda: earlier(*case, components=2)
+    times = dict.fromkeys(ways, float("nan"))
+    clock = Clock()
+    for name, factorise in ways.items():
+        if frames.n_dof <= LARGEST.get(name, np.inf):
             clock()
-            spla.splu(part)
-            yield clock()
-        else:
-            clock()
-            form.mat.Inverse(free, inverse=name.split()[1])
-            yield clock()
+            factor = factorise()
+            times[name] = clock() if factor is not None else float("nan")
+            del factor
+    return times
+
+
+def _mumps_schur(A: Any, kept: NDArray[np.intp]) -> object:
+    """Return MUMPS' Schur complement of a symmetric matrix, None where it is not installed."""
+    try:
+        mumps = importlib.import_module("mumps")
+    except ImportError:
+        return None
+    context = mumps.Context()
+    context.set_matrix(A, symmetric=True)
+    return context.schur(kept, ordering="metis")
 
 
 def _ngsolve_matrix(mesh: PlaneMesh, scene: Scene, fixed: np.ndarray) -> tuple[Any, Any]:
@@ -244,8 +295,12 @@ def sweeps() -> Iterator[str]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", help="another checkout, whose condensation is measured too")
+    options = parser.parse_args()
+    earlier = None if options.against is None else condense_of(options.against)
     with threadpool_limits(1, user_api="blas"):
-        swept, tables = list(sweeps()), list(stages_and_factors())
+        swept, tables = list(sweeps()), list(stages_and_factors(earlier))
     head = (
         "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work."
     )
