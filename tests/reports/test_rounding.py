@@ -11,11 +11,13 @@ import tcstudy
 from tcstudy.data.reading import load_root
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import field_of
+from tcstudy.reports.figures.point import contact_title
 from tcstudy.reports.page.parts import Container
 from tcstudy.reports.page.run import line_part, read, run_part
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.rounding import floors_of
 from tcstudy.reports.terminal.summary import text_of
+from tcstudy.reports.text import fitting
 from tests.reports.figures.shown import drawn
 
 PULLED = """
@@ -110,3 +112,19 @@ def test_small_numbers_of_a_small_load_are_data(run: Run, pull: str) -> None:
     for name in ("shear_max", "friction_resultant", "u_T_max", "energy", "reaction_right_x"):
         stored = data[name].values.ravel()
         np.testing.assert_array_equal(floors_of(data).cleared(name, stored, -1), stored)
+
+
+def test_requested_numbers_are_one_table_with_a_unit_for_each(run: Run) -> None:
+    path = run(PULLED, "sweep={boundary.right.u_x: [10 um, 3 mm]}")
+    with fitting(80):
+        lines = text_of(path).partition("Requested by output:")[2].splitlines()
+    assert max(map(len, lines)) <= 80
+    [reaction] = [line.split() for line in lines if "reaction_right_x" in line]
+    assert reaction[1:3] == ["kN", "m⁻¹"]
+    assert float(reaction[3]) > 1.0
+    assert reaction[4] == "0"
+    assert sum("───" in line for line in lines) == 1
+
+
+def test_an_elastic_bond_is_not_said_to_slip(run: Run) -> None:
+    assert contact_title(read_picture(run(PULLED))).endswith("elastic bond, which sticks nowhere")

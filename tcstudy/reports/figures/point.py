@@ -95,7 +95,7 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
             else "the contact line"
         )
         sign, start, s = 1.0, 0.0, scale(f"arclength s along {alone}", [length], line.length_units)
-    upper = Panel(s, scale("u_T", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
+    upper = Panel(s, scale("u_T", line.u_T, line.length_units), contact_title(picture))
     lower = Panel(s, scale("ξ = −S_T", line.xi, line.traction_units))
     panels = {"upper": upper, "lower": lower}
     if line.section:
@@ -154,6 +154,15 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
         for panel in panels.values() if k else ():
             panel.up(ends[k], color=style.PALE, zorder=1)
     return panels
+
+
+def contact_title(picture: Picture) -> str:
+    """Return what sticks and what slips; of an elastic bond, where no node can stick, neither."""
+    scene, line = picture.scene, picture.line
+    can_stick = scene is None or any(np.any(law.kinds == UP) for law in scene.laws)
+    if not can_stick and not line.sticks.any():
+        return "Contact line: elastic bond, which sticks nowhere"
+    return f"Contact line: {stick_text(line)}"
 
 
 def stick_text(line: LineFields) -> str:

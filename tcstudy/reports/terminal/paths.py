@@ -534,7 +534,10 @@ def _steps(part: Any, all_cycles: bool) -> str:
         name: np.diff(np.cumsum(part[name].values)[rows], prepend=0.0)
         for name in ("dissipated", "released")
     }
-    numbers = [(name, name, part[name].values[rows][kept]) for name in _loads(part)]
+    numbers = []
+    for name in _loads(part):
+        title = symbol(str(part[name].attrs.get("long_name", name)))
+        numbers.append((title, name, part[name].values[rows][kept]))
     numbers += [("max |u_T|", "u_T_max", read(slip[rows], slip))]
     numbers += [("∫ξ", "friction_resultant", read(part["friction_resultant"].values[rows], pull))]
     numbers += [(name, name, read(values, spent)) for name, values in since.items()]
