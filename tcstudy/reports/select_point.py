@@ -104,12 +104,17 @@ def numbers_of(data: Any) -> list[str]:
 def quantity(data: Any, given: str) -> str:
     """The name of a number that the file has by sweep point and level; raises DrawError with those
     that it has."""
-    held = numbers_of(data)
-    if given not in held:
-        raise DrawError(
-            f"the file has no number {given!r} by point and level; {_has(given, held, 30)}"
-        )
-    return given
+    names = numbers_of(data)
+    if given in names:
+        return given
+    choice = _has(given, names, 30)
+    if given not in data.variables:
+        raise DrawError(f"the file has no number {given!r} by point and level; {choice}")
+    variable = data[given]
+    if "flag_values" in variable.attrs:
+        raise DrawError(f"{given!r} of the file is a flag and no number; {choice}")
+    dims = ", ".join(map(str, variable.dims)) or "no dimension"
+    raise DrawError(f"{given!r} of the file has {dims}, not one number a point and level; {choice}")
 
 
 def _by_name(data: Any, point: Mapping[str, Value]) -> dict[str, Value]:

@@ -246,21 +246,28 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     if x.numbers is None:
         panel.ticks = across.tolist(), list(x.labels)
         panel.limits[0] = -0.5, len(across) - 0.5
-    elif len(across) > 2 and across.min() > 0.0 and not x.random:
-        spread = [
-            float(np.ptp(step) / np.mean(step))
-            for step in (np.diff(across), np.diff(np.log(across)))
-        ]
-        if spread[1] < spread[0]:  # the values were spaced like that
-            panel.log = True, False
-            few = slice(None, None, -(-len(across) // 9))
-            panel.ticks = across[few].tolist(), x.labels[few]
+    elif not x.random and has_equal_ratios(across):
+        panel.log = True, False
+        few = slice(None, None, -(-len(across) // 9))
+        panel.ticks = across[few].tolist(), x.labels[few]
     panel.draw(axes)
     if panel.log[0]:
         axes.minorticks_off()
     if by:
         sheet.key(place="right upper" if sheet.wide >= BESIDE else "lower center", title=by.title)
     return sheet.finish()
+
+
+def has_equal_ratios(values: Array) -> bool:
+    """Return whether different values are spaced by ratios rather than by differences, so that a
+    logarithmic axis suits them."""
+    across = np.unique(values)
+    if len(across) <= 2 or across[0] <= 0.0:
+        return False
+    linear, logarithmic = (
+        float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))
+    )
+    return logarithmic < linear
 
 
 def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:

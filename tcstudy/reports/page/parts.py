@@ -134,7 +134,8 @@ def flag_words(one: Any, values: Any) -> Any:
             strict=True,
         )
     )
-    return np.vectorize(words_of.get, otypes=[object])(values)
+    words = {value: word.replace("_", " ") for value, word in words_of.items()}
+    return np.vectorize(words.get, otypes=[object])(values)
 
 
 def columns_of(data: Any, dim: str, box: Container) -> list[Json]:

@@ -27,12 +27,13 @@ from tcstudy.data.reading import (
     open_results,
     sweep_dims,
 )
-from tcstudy.data.schema import STICKS, PointStatus
+from tcstudy.data.schema import MISSING_COUNT, STICKS, PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures.body import boundary_edges, exaggeration
 from tcstudy.reports.figures.point import slip_range
+from tcstudy.reports.figures.sweep import has_equal_ratios
 from tcstudy.reports.page.parts import Container, Json
 from tcstudy.reports.picture import (
     LineFields,
@@ -221,11 +222,12 @@ def run_part(stored: Stored, box: Container) -> Json:
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
-    held = {name: flat(name) for name in numbers_of(data) if name != "inclusion_rounding"}
+    shown = [name for name in numbers_of(data) if name != "inclusion_rounding"]
+    held = {name: _without_missing(flat(name)) for name in shown}
     for name, values in held.items():
         by_level = [stored.floors.cleared(name, own, n) for n, own in enumerate(values.T)]
         held[name] = np.stack(by_level, axis=1)
-    held = {name: values for name, values in held.items() if np.isfinite(values).any()}
+    held = {name: values for name, values in held.items() if not np.isnan(values).all()}
     first = [name for name in ("u_T_max", *asked(data)) if name in held]
     rest = sorted(
         (name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC)
@@ -259,6 +261,13 @@ def run_part(stored: Stored, box: Container) -> Json:
         "starts": [str(one) for one in data["start"].values] if starts else [],
         "start_energy": box.array(flat("start_energy")) if starts else None,
     }
+
+
+def _without_missing(values: Any) -> Any:
+    """Return numbers with NaN in place of the count that stands for none."""
+    if values.dtype.kind != "i":
+        return values
+    return np.where(values == MISSING_COUNT, np.nan, values)
 
 
 def totals(data: Any) -> Any:
@@ -311,7 +320,9 @@ def axes(data: Any) -> list[Json]:
             "values": values.tolist(),
             "dim": str(data[name].dims[0]),
         }
-        found.append(about | {"written": study_unit(attrs), "drawn": "distribution" in attrs})
+        about |= {"written": study_unit(attrs), "drawn": "distribution" in attrs}
+        about["log"] = about["numeric"] and not about["drawn"] and has_equal_ratios(values)
+        found.append(about)
     return found
 
 

@@ -3,8 +3,12 @@ much."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import html
 import json
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -61,7 +65,7 @@ from tcstudy.reports.rounding import SHARE, cleared
 from tcstudy.reports.select_point import axis_symbol, describe
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.paths import STATES
-from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.terminal.summary import solvers_compared, verdict_of
 from tcstudy.reports.text import Verdict, spelled
 from tcstudy.scene.keys import GREEK, ROWS, symbol
 
@@ -388,23 +392,43 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     verdict = verdict_of(stored.path)
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
     header["verdict"] = {"lines": verdict.lines, "how": stored.words, "ok": verdict.complete}
+    remarks = map(str, remarks_of(stored.data.attrs))
+    return _filled(
+        {
+            "<!--title-->": html.escape(str(header["title"])),
+            "<!--verdict-->": _verdict_rows(verdict),
+            "<!--warnings-->": "".join(map(_warning, remarks)),
+            "<!--data-->": box.packed(header),
+        }
+    )
+
+
+def _warning(text: str) -> str:
+    return f'<p class="warning">Warning: {html.escape(text)}</p>\n'
+
+
+def _filled(texts: Mapping[str, str]) -> str:
+    """Return the shell of the page with texts, style and scripts in place of their marks.
+
+    All marks are replaced in one pass, so that a mark within a text stays what it is. The policy of
+    the page allows the one script that has its hash.
+    """
     assets = resources.files("tcstudy.reports.page") / "assets"
-    shell = (assets / "shell.html").read_text(encoding="utf-8")
-    scripts = "\n".join((assets / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)
-    told = map(str, remarks_of(stored.data.attrs))
-    for mark, text in (
-        ("<!--title-->", html.escape(str(header["title"]))),
-        ("<!--verdict-->", _verdict_rows(verdict)),
-        (
-            "<!--warnings-->",
-            "".join(f'<p class="warning">Warning: {html.escape(one)}</p>\n' for one in told),
-        ),
-        ("/*style*/", (assets / "style.css").read_text(encoding="utf-8")),
-        ("/*scripts*/", scripts.replace("</script", "<\\/script")),
-        ("<!--data-->", box.packed(header)),
-    ):
-        shell = shell.replace(mark, text)
-    return shell
+
+    def asset(name: str) -> str:
+        return (assets / name).read_text(encoding="utf-8")
+
+    scripts = "\n".join(asset(f"{name}.js") for name in SCRIPTS)
+    script = '\n"use strict";\n' + scripts.replace("</script", "<\\/script") + "\n"
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    marks = {
+        **texts,
+        "/*style*/": asset("style.css"),
+        "/*scripts*/": script,
+        "/*hash*/": f"sha256-{digest}",
+    }
+    pattern = "|".join(map(re.escape, marks))
+    return re.sub(pattern, lambda mark: marks[mark[0]], asset("shell.html"))
 
 
 def _verdict_rows(verdict: Verdict) -> str:
@@ -462,6 +486,7 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
         ]
         return {"run": run_part(stored, box), "steps": steps, **shape(stored.study)}
     content = {"run": run_part(stored, box), "laws": law_part(stored)}
+    content["solvers"] = text_parts(solvers_compared(stored.data))
     if stored.homes:
         content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
         content["run"]["levels"] |= time_of_levels(

@@ -103,7 +103,7 @@ def run_parts(
     if "stop" in data and data["stop"].values[-1]:
         yield f"  stopped: {data['stop'].values[-1]}"
     yield from _points(data, None if full else MOST_ROWS, point or {})
-    yield from _solvers(data)
+    yield from solvers_compared(data)
     for line in _said(data):
         yield f"  {line}"
 
@@ -338,7 +338,7 @@ SAME = 1e-9
 """Difference of energies, relative to the largest of a point, that is rounding."""
 
 
-def _solvers(data: Any) -> Iterator[Part]:
+def solvers_compared(data: Any) -> Iterator[Part]:
     """Solvers compared where a run kept them side by side."""
     if "solver" not in data.dims:
         return

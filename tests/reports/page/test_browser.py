@@ -65,6 +65,53 @@ def test_the_page_of_a_shipped_study_is_drawn(words: str, browser: Browser, tmp_
     assert page.complaints() == []
 
 
+OBJECTS = """
+title: /*scripts*/
+units: none
+body: {rectangle: {width: 2, height: 1, edges: {bottom: constructor, left: toString,
+                                                top: __proto__, right: hasOwnProperty}}}
+boundary: {constructor: contact, toString: clamped, __proto__: {role: traction, g: [0.02, 0]},
+           hasOwnProperty: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: valueOf}
+parameters: {valueOf: 0.01}
+mesh: {maxh: 0.5, levels: 2}
+sweep: {parameters.valueOf: [0.005, 0.01]}
+output: {probes: {isPrototypeOf: [1, 0.5]}, fields: true}
+"""
+
+
+def test_names_of_objects_of_the_scripts_are_names(browser: Browser, tmp_path: Path) -> None:
+    tcstudy.run(read_study_text(OBJECTS), tmp_path / "run.nc", jobs=1)
+    page = shown(browser, tmp_path / "run.nc")
+    assert text_of(page, "h1") == "/*scripts*/"
+    edges = (
+        "return [...document.querySelectorAll('#point svg text.soft')].map((t) => t.textContent)"
+    )
+    assert {"constructor", "toString", "__proto__", "hasOwnProperty"} <= set(page.run(edges))
+    assert "valueOf = 0.005" in text_of(page, "#point")
+    click(page, "#help")
+    click(page, "#keys button")
+    assert page.run("return document.getElementById('keys').open") is False
+    assert page.complaints() == []
+
+
+def test_curves_name_their_parameter_and_mark_several_solutions(
+    browser: Browser, tmp_path: Path
+) -> None:
+    file = tmp_path / "run.nc"
+    sweep = "sweep: {friction.tau_s: {geomspace: [0.05, 0.2, 3]}, E: [1, 2]}\n"
+    tcstudy.run(read_study_text(SMALL.replace("levels: 4", "levels: 1") + sweep), file, jobs=1)
+    page = shown(browser, file, "#x=tau_s&by=E")
+    several = page.run("""return [...TC.data.run.flags.several]""")
+    assert "E = 1" in text_of(page, "#sweep")
+    marks = "return document.querySelectorAll('#sweep .panel:last-child path[stroke=\"#d55e00\"]')"
+    assert page.run(f"{marks}.length") >= sum(several)
+    page.run("TC.data.run.flags.several.fill(1); TC.draw()")
+    assert "starts led to different solutions" in text_of(page, "#sweep .legend:last-child")
+    assert page.complaints() == []
+
+
 def test_a_run_obeys_clicks_keys_and_its_address(browser: Browser, stored: Stored) -> None:
     page = shown(browser, stored("block"), "#x=theta_bar&y=friction")
     assert "6 of 6 points" in text_of(page, "#verdict")
@@ -191,7 +238,7 @@ def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored:
     click(page, '[data-point="2"]')
     assert fragment(page)["at"] == "1,0"
     _, head, *rows = saved(page, "#steps [aria-label='csv']")
-    assert (head[:27], len(rows)) == ("step,cycle,step_name,theta,", 17)
+    assert (head[:32], len(rows)) == ("step,cycle,step_name,heat_theta,", 17)
     page.open(
         stored("history").with_suffix(".html"), "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark"
     )

@@ -1,6 +1,9 @@
 """What stands in a page, how large it is, and what is refused; numbers come out of it as they went
 in."""
 
+import base64
+import hashlib
+import html
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -75,6 +78,39 @@ def test_a_page_needs_nothing_from_outside_and_has_the_numbers_of_every_point_an
     mesh = found["body"]
     at_end = [found["outline"][i]["name"] == "end" for i in mesh["edge"]]
     np.testing.assert_array_equal(at_end, mesh["x"][mesh["boundary"]].mean(axis=1) > 0.2 - 1e-6)
+
+
+SMALL = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0.02, 0]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 1}
+"""
+
+
+def test_a_text_that_is_a_mark_stays_a_text_and_the_script_alone_is_allowed(tmp_path: Path) -> None:
+    marks = "/*scripts*/ <!--data--> /*style*/ /*hash*/"
+    study = read_study_text(f"title: '{marks}'\n{SMALL}")
+    tcstudy.run(study, tmp_path / "run.nc", jobs=1)
+    page = write_page(tmp_path / "run.nc", tmp_path / "run.html").path.read_text(encoding="utf-8")
+    assert f"<h1>{html.escape(marks)}</h1>" in page
+    [script] = re.findall("<script>(.*?)</script>", page, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = re.search('Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert f"script-src 'sha256-{digest}';" in policy
+    assert policy.endswith("base-uri 'none'; form-action 'none'")
+
+
+def test_axes_follow_the_sweep_and_counts_that_are_missing_are_not_shown(tmp_path: Path) -> None:
+    sweep = "sweep: {friction.tau: {geomspace: [0.001, 0.1, 3]}, E: {linspace: [1, 2, 3]}}"
+    tcstudy.run(read_study_text(SMALL + sweep), tmp_path / "run.nc", jobs=1)
+    run = data_of(write_page(tmp_path / "run.nc", tmp_path / "run.html").path)["run"]
+    assert [axis["log"] for axis in run["axes"]] == [True, False]
+    with xr.open_dataset(tmp_path / "run.nc", mask_and_scale=False) as data:
+        assert (data["evaluations"] == -1).all()
+    assert "evaluations" not in run["numbers"]
 
 
 def test_of_too_many_points_some_are_kept_and_it_is_said(

@@ -1,5 +1,5 @@
 // What all parts share: the state (kept in the address), controls, tables.
-TC.state = {};
+TC.state = Object.create(null);
 TC.readState = () => Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
 TC.writeState = function () {
   const words = new URLSearchParams();

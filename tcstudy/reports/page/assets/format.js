@@ -24,7 +24,10 @@ TC.unpack = function (node, buffer, start) {
     array.shape = node.s;
     return array;
   }
-  return Object.fromEntries(Object.entries(node).map(([key, one]) => [key, TC.unpack(one, buffer, start)]));
+  // without a prototype: a study may name an edge or a material "constructor"
+  const record = Object.create(null);
+  for (const [key, one] of Object.entries(node)) record[key] = TC.unpack(one, buffer, start);
+  return record;
 };
 
 // Row p of values kept with 16 bits; missing ones are NaN.
@@ -93,6 +96,9 @@ TC.axisLabel = function (axis, i) {
   return TC.number(axis.values[i] / TC.axisScale(axis).by, axis.digits);
 };
 TC.axisText = (axis, i) => `${TC.axisLabel(axis, i)} ${TC.axisScale(axis).unit}`.trim();
+// One value with the name of its parameter.
+TC.axisWords = (axis, i) =>
+  `${TC.symbol(axis.name)}${axis.numeric ? " = " : ": "}${TC.axisText(axis, i)}`;
 TC.short = (column) => column.name.replaceAll("_", " ");
 TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));
 TC.range = (values, none = [0, 1]) => {

@@ -188,9 +188,12 @@ TC.point = {
   },
   // Names of edges, each once, outside its longest piece.
   names(over, frame, moved) {
-    const seen = {}, size = (e) => e.line.slice(1).reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
-    for (const e of TC.point.here.outline || []) if (!seen[e.name] || size(e) > size(seen[e.name])) seen[e.name] = e;
-    for (const e of Object.values(seen)) {
+    const longest = new Map(), size = (e) => e.line.slice(1).reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
+    for (const e of TC.point.here.outline || []) {
+      const known = longest.get(e.name);
+      if (!known || size(e) > size(known)) longest.set(e.name, e);
+    }
+    for (const e of longest.values()) {
       const k = Math.floor((e.line.length - 1) / 2), a = e.line[k], b = e.line[k + 1], [ax, ay] = TC.point.toPx(frame, ...a), [bx, by] = TC.point.toPx(frame, ...b), len = Math.hypot(bx - ax, by - ay) || 1;
       const nx = -(by - ay) / len, ny = (bx - ax) / len; // outward for a counter-clockwise outline, y downwards on the screen
       if (e.loop) { // a hole's name stands inside the hole

@@ -196,7 +196,7 @@ TC.run = {
     const r = TC.data.run, s = TC.state, place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
     const fx = TC.axisScale(ax).by, fy = TC.axisScale(ay).by;
     const xs = Float64Array.from({ length: r.points }, (_, p) => place(ax, p) / fx), ys = Float64Array.from({ length: r.points }, (_, p) => place(ay, p) / fy);
-    const plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs)), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.axisTitle(ay) });
+    const plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs), 0.06, ax.log), y: TC.pad(TC.range(ys), 0.06, ay.log), xlog: ax.log, ylog: ay.log, xlabel: TC.axisTitle(ax), ylabel: TC.axisTitle(ay) });
     TC.run.patterns(plot.svg);
     if (r.points > TC.run.MOST_MARKS) { // squares of 12 pixels instead of single points
       const bins = new Map(), size = 12;
@@ -244,10 +244,10 @@ TC.run = {
     if (r.grid) for (let b = 0; b < (by ? by.values.length : 1); b++) {
       const pts = [];
       for (let i = 0; i < ax.values.length; i++) { const at = s.at.slice(); at[dx] = i; if (by) at[db] = b; pts.push({ p: TC.run.flat(at), x: place(i) }); }
-      series.push({ name: by ? TC.axisLabel(by, b) : "", pts, on: !by || b === s.at[db] });
+      series.push({ name: by ? TC.axisWords(by, b) : "", pts, on: !by || b === s.at[db] });
     } else {
       const groups = new Map();
-      for (let p = 0; p < r.points; p++) { const key = by ? TC.axisLabel(by, p) : ""; if (!groups.has(key)) groups.set(key, []); groups.get(key).push({ p, x: ax.numeric ? place(p) : ax.values.indexOf(ax.values[p]) }); }
+      for (let p = 0; p < r.points; p++) { const key = by ? TC.axisWords(by, p) : ""; if (!groups.has(key)) groups.set(key, []); groups.get(key).push({ p, x: ax.numeric ? place(p) : ax.values.indexOf(ax.values[p]) }); }
       for (const [name, pts] of groups) series.push({ name, pts: pts.sort((a, b) => a.x - b.x), on: pts.some((o) => o.p === s.at[0]) });
     }
     const every = series.flatMap((g) => g.pts), get = (o) => (TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN), scale = TC.scale(every.map(get), q.units), items = [];
@@ -262,17 +262,37 @@ TC.run = {
       items.push({ kind: "marks", ...at, shape: TC.SHAPES[k % 4], r: g.pts.length > 40 ? 2 : 3.6, stroke: look.stroke, fill: (i) => (TC.run.proof(g.pts[i].p, s.level) === "unique" ? look.stroke : "var(--bg)"),
         tip: (i) => `${TC.run.words(TC.run.index(g.pts[i].p))}\n${TC.quantity(get(g.pts[i]), q.units)}`, pick: (i) => TC.set({ at: TC.run.index(g.pts[i].p) }) });
     });
+    const marked = (many ? single : series).flatMap((g) => g.pts);
+    const ambiguous = marked.filter((o) => TC.run.several(o.p, s.level) && Number.isFinite(get(o)));
+    if (ambiguous.length) {
+      items.push({
+        kind: "line",
+        x: ambiguous.map((o) => o.x),
+        y: ambiguous.map((o) => get(o) / scale.by),
+        dash: "none",
+        mark: "o",
+        open: true,
+        size: 6,
+        colour: "#d55e00",
+        label: "starts led to different solutions",
+      });
+    }
     const mine = every.find((o) => o.p === TC.run.flat(s.at)), names = [...new Set(ax.values)];
     if (mine) items.push({ kind: "marks", x: [mine.x], y: [get(mine) / scale.by], shape: "circle", r: 8, stroke: "var(--ink)", fill: () => "none" });
     const kept = by ? `${TC.symbol(by.name)} of the point below` : "the other numbers as at the point below";
     const note = many ? `grey: from the least to the greatest value, and the median${by ? ` over ${TC.symbol(by.name)}` : ""}; ${single.length ? `curve: ${kept}; ` : ""}ring: the point below` : `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
-    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), TC.part.panel({ labels: [TC.axisTitle(ax), TC.titled(TC.symbol(s.q), scale)], log: [false, false], limits: [null, null], ticks: ax.numeric ? null : [names.map((_, i) => i), names], items, high: 330 }, width));
+    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), TC.part.panel({ labels: [TC.axisTitle(ax), TC.titled(TC.symbol(s.q), scale)], log: [ax.log, false], limits: [null, null], ticks: ax.numeric ? null : [names.map((_, i) => i), names], items, high: 330 }, width));
   },
   accuracy(host) {
     const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [];
-    const half = TC.width(host) < 760 ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
-    if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(p))));
-    else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
+    const width = TC.width(host);
+    if (r.nlevels > 1) {
+      // the table of the levels has eight columns, for which half of the width is too little
+      out.push(TC.panel(TC.run.changes(Math.min(width, 760), p)), TC.panel(TC.run.costs(p)));
+    } else {
+      out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
+    }
+    for (const one of TC.data.solvers || []) out.push(TC.part[one.part](one, width));
     TC.fill(host, out);
   },
   ROUNDING: 1e-12, // relative changes below it are none
