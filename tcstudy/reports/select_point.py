@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -101,20 +101,26 @@ def numbers_of(data: Any) -> list[str]:
     return [name for name in numbers if "flag_values" not in data[name].attrs]
 
 
-def quantity(data: Any, given: str) -> str:
+def quantity(data: Any, given: str, of_levels: Container[str] = ()) -> str:
     """The name of a number that the file has by sweep point and level; raises DrawError with those
-    that it has."""
+    that it has.
+
+    of_levels: names of what the groups of the levels have, along the contact line or in the body
+    """
     names = numbers_of(data)
     if given in names:
         return given
     choice = _has(given, names, 30)
-    if given not in data.variables:
-        raise DrawError(f"the file has no number {given!r} by point and level; {choice}")
-    variable = data[given]
-    if "flag_values" in variable.attrs:
-        raise DrawError(f"{given!r} of the file is a flag and no number; {choice}")
-    dims = ", ".join(map(str, variable.dims)) or "no dimension"
-    raise DrawError(f"{given!r} of the file has {dims}, not one number a point and level; {choice}")
+    if given in of_levels:
+        fault = f"{given!r} has a value at every node of a level, not one a point"
+    elif given not in data.variables:
+        fault = f"the file has no number {given!r} by point and level"
+    elif "flag_values" in data[given].attrs:
+        fault = f"{given!r} is a flag and no number"
+    else:
+        dims = ", ".join(map(str, data[given].dims)) or "no dimension"
+        fault = f"{given!r} has the dimensions {dims}, and is not one number a point and level"
+    raise DrawError(f"{fault}; {choice}")
 
 
 def _by_name(data: Any, point: Mapping[str, Value]) -> dict[str, Value]:

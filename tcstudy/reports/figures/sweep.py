@@ -51,6 +51,9 @@ GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.
 OPEN: dict[str, Any] = {"hatch": "//", "edgecolor": "white", "linewidth": 0.0}
 OPEN_KEY: dict[str, Any] = {"hatch": "///", "facecolor": "#31688e"}
 SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4}
+SEVERAL_FOUND = "several solutions found"
+RING: dict[str, Any] = {"marker": "o", "markersize": 9, "fillstyle": "none", "linestyle": "none",
+                        "color": style.VERMILLION}  # fmt: skip
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
 BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
@@ -134,7 +137,10 @@ def read_sweep(
         names = tuple(parameter(data, given) for given in along)
         if len(set(names)) < len(names):
             raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
-        name, n = quantity(data, number), level_number(data, level)
+        n = level_number(data, level)
+        group = tree.children.get(f"level_{n}")
+        of_level = () if group is None else {str(name) for name in group.data_vars}
+        name = quantity(data, number, of_level)
         keep, fixed = fitting(data, point, names)
         needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
@@ -225,6 +231,7 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         else style.SERIES
     )
     every = -(-len(by.labels) // MOST_NAMED) if by else 1
+    several_label = SEVERAL_FOUND
     for k in range(len(by.labels) if by else 1):
         own = np.flatnonzero(by.place == k) if by else np.arange(len(sweep.values))
         own = own[np.argsort(x.place[own], kind="stable")]
@@ -240,6 +247,10 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         }
         name = by.labels[k] if by and k % every == 0 else ""
         panel.line(at, values, marker=mark, markersize=4, label=name, **how)
+        ambiguous = sweep.several[own] & np.isfinite(values)
+        if ambiguous.any():
+            panel.line(at[ambiguous], values[ambiguous], label=several_label, **RING)
+            several_label = ""
         if len(missing := at[np.isnan(values)]):
             look_of: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
             axes.plot(missing, 0.0 * missing, "x", color=how["color"], markersize=5, **look_of)
@@ -253,8 +264,11 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     panel.draw(axes)
     if panel.log[0]:
         axes.minorticks_off()
-    if by:
-        sheet.key(place="right upper" if sheet.wide >= BESIDE else "lower center", title=by.title)
+    if by or not several_label:
+        sheet.key(
+            place="right upper" if sheet.wide >= BESIDE else "lower center",
+            title=by.title if by else "",
+        )
     return sheet.finish()
 
 
@@ -348,7 +362,7 @@ def _cells(
             OPEN_KEY,
             "at least so many" if counts else "not proved unique" + " on the mesh" * mesh,
         ),
-        (known & sweep.several[grid] & (not counts), SEVERAL, {}, "several solutions found"),
+        (known & sweep.several[grid] & (not counts), SEVERAL, {}, SEVERAL_FOUND),
     )
     for which, look, in_key, name in kinds:  # hatches or outlines of the cells (rows, columns)
         for row, column in np.argwhere(which):

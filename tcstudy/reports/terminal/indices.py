@@ -62,7 +62,9 @@ def indices(file: Path, of: str) -> SobolIndices:
         ]
         if of not in known:
             remedy = hint(of, known, f"choose of {', '.join(known)}")
-            raise UsageError(f"{file} has no number {of!r} at its points; {remedy}")
+            is_there = of in nc.variables
+            lack = f"{of!r} is not one real number" if is_there else f"it has no number {of!r}"
+            raise UsageError(f"{file}: {lack} at its points; {remedy}")
         level = nc.dimensions["level"].size - 1
         ok, group = nc["status"][:, level] == PointStatus.OK, nc.groups.get(f"level_{level}")
         # (n, r, d) values of the parameters, of a choice its number, and (n, r) the number: r

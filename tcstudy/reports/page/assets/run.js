@@ -277,11 +277,22 @@ TC.run = {
         label: "starts led to different solutions",
       });
     }
-    const mine = every.find((o) => o.p === TC.run.flat(s.at)), names = [...new Set(ax.values)];
+    const mine = every.find((o) => o.p === TC.run.flat(s.at));
     if (mine) items.push({ kind: "marks", x: [mine.x], y: [get(mine) / scale.by], shape: "circle", r: 8, stroke: "var(--ink)", fill: () => "none" });
     const kept = by ? `${TC.symbol(by.name)} of the point below` : "the other numbers as at the point below";
     const note = many ? `grey: from the least to the greatest value, and the median${by ? ` over ${TC.symbol(by.name)}` : ""}; ${single.length ? `curve: ${kept}; ` : ""}ring: the point below` : `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
-    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), TC.part.panel({ labels: [TC.axisTitle(ax), TC.titled(TC.symbol(s.q), scale)], log: [ax.log, false], limits: [null, null], ticks: ax.numeric ? null : [names.map((_, i) => i), names], items, high: 330 }, width));
+    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), TC.part.panel({ labels: [TC.axisTitle(ax), TC.titled(TC.symbol(s.q), scale)], log: [ax.log, false], limits: [null, null], ticks: TC.run.ticks(ax), items, high: 330 }, width));
+  },
+  MOST_TICKS: 9,
+  // Ticks of a swept parameter: its texts, or some of its values where their ratios are equal.
+  ticks(axis) {
+    const values = [...new Set(axis.values)];
+    if (!axis.numeric) return [values.map((_, i) => i), values];
+    if (!axis.log) return null;
+    const every = Math.ceil(values.length / TC.run.MOST_TICKS);
+    const few = values.filter((_, i) => i % every === 0).map((value) => axis.values.indexOf(value));
+    const { by } = TC.axisScale(axis);
+    return [few.map((i) => axis.values[i] / by), few.map((i) => TC.axisLabel(axis, i))];
   },
   accuracy(host) {
     const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [];
