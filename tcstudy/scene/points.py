@@ -19,7 +19,7 @@ from tcstudy.expressions.expression import Expression, is_linear
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP
-from tcstudy.scene.records import Body, Boundary, Scene
+from tcstudy.scene.records import Body, Boundary, EdgeHeat, Scene, exchanges
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -196,6 +196,9 @@ FELT = ("boundary", *THERMAL)
 """Sections that decide what a scene needs of heat."""
 
 
+UNIFORM = "q is 0 and all given temperatures are equal, so theta is that temperature everywhere"
+
+
 def no_heat(scene: Scene) -> str:
     """Why the temperature need not be computed; empty if it must."""
     if not scene.material.expands:
@@ -209,9 +212,7 @@ def no_heat(scene: Scene) -> str:
     }
     varies = len(given) > 1 or any(isinstance(theta, Expression) for theta in given)
     heated = isinstance(scene.heat.q, Expression) or scene.heat.q != 0.0 or scene.flux
-    return (
-        "" if varies or heated else "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
-    )
+    return "" if varies or heated else UNIFORM
 
 
 def needs_heat_solve(scene: Scene) -> bool:
@@ -220,34 +221,60 @@ def needs_heat_solve(scene: Scene) -> bool:
 
 
 def why_no_heat(scenes: Sequence[Scene]) -> str:
-    """Why the first scene without a heat problem has none; if all have one, why one of its numbers
-    changes nothing."""
-    return next(
-        filter(None, map(no_heat, distinct(scenes, *FELT))),
-        "every edge that exchanges heat has its own",
-    )
+    """Return why scenes without a heat problem have none."""
+    reasons = filter(None, map(no_heat, distinct(scenes, *FELT)))
+    return "; or ".join(dict.fromkeys(reasons))
+
+
+OWN_HEAT = ("alpha", "theta_bar")
+"""Numbers of the section `heat` that an edge may have of its own."""
+
+
+def why_idle(keys: Sequence[str], scenes: Sequence[Scene]) -> str:
+    """Return why a thermal number of scenes changes none of their solutions.
+
+    keys: its path, ("heat", "alpha")
+    """
+    reasons = [no_heat(scene) for scene in distinct(scenes, *FELT)]
+    if keys[0] == "heat" and keys[-1] in OWN_HEAT and not {"", UNIFORM}.isdisjoint(reasons):
+        edges = list[EdgeHeat]()
+        for scene in distinct(scenes, "boundary"):
+            edges += [role.heat or EdgeHeat() for _, role in scene.boundary if exchanges(role)]
+        if not edges:
+            return "no edge exchanges heat"
+        if all(getattr(edge, keys[-1]) is not None for edge in edges):
+            return f"every edge that exchanges heat has its own {keys[-1]}"
+    return why_no_heat(scenes)
+
+
+def _is_thermal(keys: Sequence[str]) -> bool:
+    """Return whether a number can act on the solution only through the temperature, or is a modulus
+    of the material, which `_felt` compares."""
+    of_edge = keys[0] == "boundary" and ("heat" in keys or keys[-1] in (*OWN_HEAT, "flux"))
+    return of_edge or keys[0] in ("heat", "material", "materials")
 
 
 def idle_notes(study: Study) -> list[str]:
-    """One sentence for every axis of a grid whose values all give the same solutions, because heat
-    is left out."""
+    """Return one sentence for every axis of a grid whose values all give the same solutions,
+    because heat is left out."""
     thermal = [
         (d, axis)
         for d, axis in enumerate(study.axes)
-        if len(axis.labels) > 1 and axis.path[0] in THERMAL
+        if len(axis.labels) > 1 and _is_thermal(axis.path)
     ]
     if study.mode != "grid" or not thermal:
         return []
-    (scenes, of), numbers = combinations(study.scenes, *FELT), dict[tuple[object, ...], int]()
-    alike = np.array([numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes])[
-        of
-    ]
-    points, why = alike.reshape(study.shape), why_no_heat(study.scenes)
-    idle = [axis for d, axis in thermal if _constant(points, d)]
-    return [
-        f"{one.name} changes nothing ({why}): its {len(one.labels)} values give equal solutions"
-        for one in idle
-    ]
+    scenes, of = combinations(study.scenes, *FELT)
+    numbers = dict[tuple[object, ...], int]()
+    alike = [numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes]
+    points = np.array(alike)[of].reshape(study.shape)
+    notes = list[str]()
+    for d, axis in thermal:
+        if _constant(points, d):
+            why = why_idle(axis.path, study.scenes)
+            equal = f"its {len(axis.labels)} values give equal solutions"
+            notes.append(f"{axis.name} changes nothing ({why}): {equal}")
+    return notes
 
 
 def _felt(scene: Scene) -> Iterator[object]:

@@ -62,7 +62,7 @@ def test_counts_and_what_is_left_out_and_why() -> None:
         ("material.alpha_T=0", "heat problem: beta is 0"),
         (
             "heat={alpha: 1, theta_bar: 5}",
-            "heat problem: q is 0 and theta_bar is constant, so theta = theta_bar",
+            "heat problem: q is 0 and all given temperatures are equal, so theta is",
         ),
     ):
         assert any(
@@ -95,8 +95,39 @@ def test_a_swept_parameter_that_changes_nothing_is_named(
     notes = plan(study_of(f"{HEATED_BRACKET}sweep: {{{sweep}}}\n", *changes)).notes
     assert [note.split()[0] for note in notes if "changes nothing (" in note] == idle
     if idle == ["alpha", "k"]:
-        assert notes[0].startswith("alpha changes nothing (q is 0 and theta_bar is constant")
+        assert notes[0].startswith("alpha changes nothing (q is 0 and all given temperatures are")
         assert notes[0].endswith("its 3 values give equal solutions")
+
+
+AIR = (
+    "boundary={bottom: contact, left: {role: convection, alpha: 5, theta_bar: 80}, right: clamped, "
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "edges", "why"),
+    [
+        ("theta_bar", "top: free}", "every edge that exchanges heat has its own theta_bar"),
+        ("alpha", "top: free}", "every edge that exchanges heat has its own alpha"),
+        ("boundary.left.alpha", "top: free}", "q is 0 and all given temperatures are equal"),
+        (
+            "theta_bar",
+            "top: {role: convection, theta_bar: 20}}",
+            "every edge that exchanges heat has its own theta_bar",
+        ),
+        ("alpha", "top: {role: convection, theta_bar: 80}}", "q is 0 and all given"),
+    ],
+)
+def test_the_reason_why_a_parameter_changes_nothing_is_true(
+    name: str, edges: str, why: str
+) -> None:
+    """θ is 80, θ̄ of the section is not: an edge has its own."""
+    text = RECTANGLE.replace("material: {", "material: {k: 1, alpha_T: 0.01, ")
+    other = "theta_bar: 0" if name == "alpha" else "alpha: 1"
+    air = AIR.replace("alpha: 5, ", "") if name == "boundary.left.alpha" else AIR
+    study = study_of(text, f"{air}{edges}", f"heat={{{other}}}", f"sweep={{{name}: [1, 2]}}")
+    [note] = [note for note in plan(study).notes if "changes nothing" in note]
+    assert f"({why}" in note
 
 
 def test_a_history_with_elements_much_longer_than_its_strip_is_high_is_told() -> None:
