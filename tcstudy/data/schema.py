@@ -405,12 +405,16 @@ def place(name: str, long_name: str, dims: Dims) -> FileVariable:
     return FileVariable(name, "f8", "m", long_name, dims, coordinate=True)
 
 
+_SENSE = "positive with the body on the left, counter-clockwise on an outline, to larger arclength"
+
 CONTACT: tuple[FileVariable, ...] = (
     place("arclength", "arc length on contact line", _NODE),
     *(place(name, f"{name} of the contact node", _NODE) for name in "xy"),
     FileVariable("c", "f8", "m", "contact length of the node", _NODE, extra=_AT_NODE),
     FileVariable("edge", "i1", "1", "contact edge", _NODE, extra=_AT_NODE),
-    FileVariable("u_T", "f8", "m", "tangential displacement", _ON_LINE, extra=_RESULT_AT_NODE),
+    FileVariable(
+        "u_T", "f8", "m", "tangential displacement", _ON_LINE, _SENSE, extra=_RESULT_AT_NODE
+    ),
     FileVariable("xi", "f8", "Pa", "tangential traction -S_T", _ON_LINE, extra=_RESULT_AT_NODE),
     FileVariable(
         *("sticks", "i1", "1", "rests on an up-jump of b", _ON_LINE),

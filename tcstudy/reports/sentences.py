@@ -292,24 +292,32 @@ def no_loading_curve(run: RunSeen, ambiguous: Flags) -> list[str]:
     With `branch: lowest` the stored solution leaves the branch from rest where another one has
     less energy, long before the fold at which a loaded body leaves it.
     """
-    if run.nc.__dict__.get(BRANCH, "") != "lowest" or not ambiguous.any():
-        return []
     names = run.nc.__dict__.get(SWEPT_LOADS, "").split()
-    if not names:
+    if run.nc.__dict__.get(BRANCH, "") != "lowest":
         return []
-    loads = " and ".join(symbol(name) for name in names)
-    if (energy := run.take("start_energy")) is not None and from_rest_left(energy, ambiguous):
-        return [f"not the loading curve over {loads}, but the least energy; {FOLLOW_LOADING}"]
-    return [f"the least energy need not be the loading curve over {loads}; {FOLLOW_LOADING}"]
+    words = least_energy_words(names, run.take("start_energy"), ambiguous)
+    return [words] if words else []
+
+
+def least_energy_words(loads: Sequence[str], energy: Array | None, ambiguous: Flags) -> str:
+    """Return what separates solutions of least energy from a loading curve over these loads.
+
+    energy: (…, s) to which each start led;  ambiguous: (…) more than one solution was found
+    """
+    if not loads or not ambiguous.any():
+        return ""
+    over = " and ".join(symbol(name) for name in loads)
+    if energy is not None and from_rest_left(energy, ambiguous):
+        return f"not the loading curve over {over}, but the least energy; {FOLLOW_LOADING}"
+    return f"the least energy need not be the loading curve over {over}; {FOLLOW_LOADING}"
 
 
 def from_rest_left(energy: Array, ambiguous: Flags) -> bool:
     """Return whether somewhere the solution of least energy is not that which descent from zero,
     the first of the starts (…, s), leads to."""
-    size = np.nanmax(np.abs(energy), axis=-1)
-    with np.errstate(invalid="ignore"):
-        above = energy[..., 0] - np.nanmin(energy, axis=-1) > SAME * size
-    return bool(np.any(above & ambiguous))
+    known = energy[ambiguous]
+    size = np.nanmax(np.abs(known), axis=-1)
+    return bool(np.any(known[:, 0] - np.nanmin(known, axis=-1) > SAME * size))
 
 
 def _accuracy(run: RunSeen) -> tuple[str, ...]:

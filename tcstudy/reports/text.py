@@ -156,8 +156,9 @@ def digits_lost(error: float) -> str:
     if not error > DIGITS:
         return ""
     return (
-        f"λ₁ holds to {number(error, 2)} only: stiff springs or materials cost its digits; "
-        "every proof takes the body softer by as much"
+        f"λ₁ holds to {number(error, 2)} only: rounding takes its digits, as it is far below the "
+        "largest stiffness of the body (soft springs that alone hold it, or stiff springs or "
+        "materials beside soft ones); every proof takes the body softer by as much"
     )
 
 

@@ -349,7 +349,13 @@ ROWS: tuple[Key, ...] = (
         u.LENGTH,
         roles=("clamped",),
     ),
-    load("boundary.u_T", "component", "displacement along the edge", u.LENGTH, roles=("clamped",)),
+    load(
+        "boundary.u_T",
+        "component",
+        "displacement along the edge, positive with the body on the left",
+        u.LENGTH,
+        roles=("clamped",),
+    ),
     load("boundary.g", "vector", "traction", u.TRACTION, roles=LOADED),
     load(
         "boundary.pressure",

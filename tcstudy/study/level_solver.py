@@ -57,7 +57,7 @@ from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.offline.requested_outputs import line_numbers
 from tcstudy.refine.family import ErrorEstimator
-from tcstudy.scene.points import combinations, of_stiffness
+from tcstudy.scene.points import combinations, load_axes, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 
@@ -389,6 +389,8 @@ class Solutions:
     def __init__(self, study: Study, m: int, order: Places) -> None:
         """m: contact unknowns;  order: (P,) places in the order in which they are solved"""
         self._shape, self._rank = study.shape, np.argsort(order)
+        loads = load_axes(study)
+        self._dims = [*(d for d in range(len(study.shape)) if d not in loads), *loads]
         self._v = np.full((len(study.scenes), m), np.nan)
 
     def take(self, block: BlockRecord) -> None:
@@ -398,16 +400,19 @@ class Solutions:
             self._v[block.points[ok]] = block.u_T[ok]
 
     def beside(self, points: Places) -> Array:
-        """(P, m) the solutions one step back along the last sweep dimension that has a step back
-        and a solution there. NaN in rows without one. One that is solved later counts as none, so
-        that a resumed run has the same bits."""
+        """Return (P, m) the solutions one step back along the last axis of a load, or else the last
+        axis, that has a step back and a solution there.
+
+        NaN in rows without one. One that is solved later counts as none, so that a resumed run has
+        the same bits.
+        """
         found = np.full((len(points), self._v.shape[1]), np.nan)
         index = (
             np.array(np.unravel_index(points, self._shape))
             if self._shape
             else np.zeros((0, len(points)), int)
         )
-        for d in range(len(self._shape)):  # the last dimension overwrites those before
+        for d in self._dims:  # the last one overwrites those before
             back = index.copy()
             back[d] -= 1
             inside = np.flatnonzero(back[d] >= 0)

@@ -95,7 +95,8 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
             else "the contact line"
         )
         sign, start, s = 1.0, 0.0, scale(f"arclength s along {alone}", [length], line.length_units)
-    upper = Panel(s, scale("u_T", line.u_T, line.length_units), contact_title(picture))
+    heading = f"{contact_title(picture)}; u_T > 0 with the body on the left"
+    upper = Panel(s, scale("u_T", line.u_T, line.length_units), heading)
     lower = Panel(s, scale("ξ = −S_T", line.xi, line.traction_units))
     panels = {"upper": upper, "lower": lower}
     if line.section:

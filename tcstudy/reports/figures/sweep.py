@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.reading import by_point, open_results
 from tcstudy.data.schema import NOT_ALL, PointStatus
+from tcstudy.data.store import BRANCH, SWEPT_LOADS
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import BESIDE, Array, Panel, Scale, Sheet, scale
@@ -31,7 +32,7 @@ from tcstudy.reports.select_point import (
     parameter,
     quantity,
 )
-from tcstudy.reports.sentences import several
+from tcstudy.reports.sentences import least_energy_words, several
 from tcstudy.reports.text import axis_unit, counted, headed, labels, named, spelled, study_unit
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ COLOURS = "viridis"
 GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
 OPEN: dict[str, Any] = {"hatch": "//", "edgecolor": "white", "linewidth": 0.0}
 OPEN_KEY: dict[str, Any] = {"hatch": "///", "facecolor": "#31688e"}
+INFINITE: dict[str, Any] = {"hatch": "..", "edgecolor": style.INK, "linewidth": 0.0}
+INFINITE_KEY: dict[str, Any] = {"hatch": "...", "facecolor": "white"}
 SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4}
 SEVERAL_FOUND = "several solutions found"
 RING: dict[str, Any] = {"marker": "o", "markersize": 9, "fillstyle": "none", "linestyle": "none",
@@ -97,6 +100,8 @@ class SweepPicture:
     at_least: (P,) of numbers of equilibria, those not proved to be all; None for any other number
     excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known; then, where they are known,
              those of the lower and the upper bound of λ₁ of the body itself
+    infinite: (P,) the number is infinite, as ω of a law that jumps down;  infinity: "∞" or "−∞"
+    loading: that the curve is no loading curve, where it is none
     """
 
     title: str
@@ -111,12 +116,27 @@ class SweepPicture:
     several: Flags
     at_least: Flags | None
     excess: tuple[Array, ...]
+    infinite: Flags
+    infinity: str
+    loading: str
 
     @property
     def words(self) -> str:
         """What it shows, and what the points have in common."""
         over = " and ".join(one.name for one in self.parameters)
-        return ", ".join(filter(None, [f"{self.quantity} over {over}", *self.fixed, self.left_out]))
+        facts = [f"{self.quantity} over {over}", *self.fixed, self.left_out, self.infinite_words]
+        return ", ".join(filter(None, [*facts, self.loading]))
+
+    @property
+    def infinite_words(self) -> str:
+        """Return at how many points the number is infinite; empty if at none."""
+        count = int(self.infinite.sum())
+        return f"{self.infinite_value} at {counted(count, 'point')}" if count else ""
+
+    @property
+    def infinite_value(self) -> str:
+        """Return the number with its infinite value: "ω = ∞"."""
+        return f"{style.symbol(self.quantity)} = {self.infinity}"
 
 
 def read_sweep(
@@ -159,12 +179,18 @@ def read_sweep(
         & np.isfinite(values)
         & ((values != -1) | (values.dtype.kind == "f"))
     )
+    infinite = (status == PointStatus.OK) & np.isinf(values)
+    energy, more_than_one = flat("start_energy"), several(flat("start_energy"), unique)
+    loads = [name for name in names[:1] if name in str(data.attrs.get(SWEPT_LOADS, "")).split()]
+    lowest = data.attrs.get(BRANCH, "") == "lowest"
     gone = [
         f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
-        for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
+        for one, count in zip(
+            *np.unique(status[~(good | infinite)], return_counts=True), strict=True
+        )
     ]
     left_out = (
-        f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}"
+        f"{int((~(good | infinite)).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}"
         if gone
         else ""
     )
@@ -183,9 +209,12 @@ def read_sweep(
         left_out=left_out,
         values=np.where(good, values.astype(float), np.nan),
         proved=unique,
-        several=several(flat("start_energy"), unique),
+        several=more_than_one,
         at_least=flat("complete") == NOT_ALL if name in COUNTS and "complete" in at else None,
         excess=excess,
+        infinite=infinite,
+        infinity="−∞" if np.any(values[infinite] < 0.0) else "∞",
+        loading=least_energy_words(loads, energy, more_than_one) if lowest else "",
     )
 
 
@@ -212,7 +241,9 @@ def _along(data: Any, name: str, held: NDArray[Any]) -> Along:
 
 def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
     same = ",  ".join(style.point_words(one, sweep.symbols) for one in sweep.fixed)
-    sheet = Sheet(look, sweep.title, [same, sweep.left_out + " (×)" * bool(sweep.left_out)])
+    left_out = sweep.left_out + " (×)" * bool(sweep.left_out)
+    lines = [same, left_out, sweep.infinite_words, sweep.loading]
+    sheet = Sheet(look, sweep.title, lines)
     return sheet, sheet.panels[""]
 
 
@@ -251,9 +282,19 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         if ambiguous.any():
             panel.line(at[ambiguous], values[ambiguous], label=several_label, **RING)
             several_label = ""
-        if len(missing := at[np.isnan(values)]):
-            look_of: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
-            axes.plot(missing, 0.0 * missing, "x", color=how["color"], markersize=5, **look_of)
+        look_of: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
+        look_of |= {"color": how["color"], "linestyle": "none"}
+        infinite = sweep.infinite[own]
+        if len(missing := at[np.isnan(values) & ~infinite]):
+            axes.plot(missing, 0.0 * missing, marker="x", markersize=5, **look_of)
+        if len(above := at[infinite]):
+            axes.plot(
+                above,
+                np.full_like(above, float(sweep.infinity == "∞")),
+                marker=r"$\infty$",
+                markersize=9,
+                **look_of,
+            )
     if x.numbers is None:
         panel.ticks = across.tolist(), list(x.labels)
         panel.limits[0] = -0.5, len(across) - 0.5
@@ -309,7 +350,8 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         )
         for which, name, mark in (
             (known & sweep.proved, "proved unique", "o"),
-            (~known, "no solution", "x"),
+            (~known & ~sweep.infinite, "no solution", "x"),
+            (sweep.infinite, sweep.infinite_value, "s"),
         ):
             if which.any():
                 axes.plot(
@@ -355,7 +397,13 @@ def _cells(
         np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how
     )
     kinds: tuple[tuple[Flags, dict[str, Any], dict[str, Any], str], ...] = (
-        (there & ~known, GONE, {}, "no solution"),
+        (there & ~known & ~sweep.infinite[grid], GONE, {}, "no solution"),
+        (
+            there & sweep.infinite[grid],
+            INFINITE,
+            INFINITE_KEY,
+            sweep.infinite_value,
+        ),
         (
             open_,
             OPEN,

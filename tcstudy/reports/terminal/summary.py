@@ -48,7 +48,7 @@ from tcstudy.reports.text import (
     render,
 )
 
-NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
+NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
 MOST_ROWS = 48
 """Points shown; the file has them all."""
@@ -404,6 +404,13 @@ def _said(data: Any) -> Iterator[str]:
             f"scale of b or better, where rounding alone allows {number(allowed[worst], 2)}; friction is small against "
             f"the forces in the body (worst at {_point(data, worst)})"
         )
+    if "omega" in data:
+        jumps = int(np.isinf(data["omega"].isel(level=-1).values).sum())
+        if jumps:
+            yield (
+                f"ω = ∞ at {counted(jumps, 'point')}: the friction law jumps down, and ω < λ₁ "
+                "cannot prove a solution unique there"
+            )
     if "lambda_1_error" in data and (lost := digits_lost(float(data["lambda_1_error"].max()))):
         yield lost
     if "lambda_1_low" in data:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import tcstudy
+
 pytest.importorskip("matplotlib")
 
 from tcstudy.commands.results import picture
@@ -21,6 +23,7 @@ from tcstudy.reports.figures.point import law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import law_of_nodes, read_picture
 from tcstudy.reports.terminal.paths import folds_of
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.histories import ContactState, node_states
 from tests.reports.conftest import FILMS, Stored
 from tests.reports.figures.shown import SIZES, crowded, drawn, key_of
@@ -121,6 +124,29 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
     assert key_of(bounded)[-1] == "ω = $λ_1$"
     assert key_of(of_body)[-2:] == ["ω = $λ_1$ of the mesh", "bounds of $λ_1$ of the body"]
     assert "not proved unique on the mesh" in key_of(of_body)
+
+
+def test_an_infinite_number_is_a_value_and_no_missing_solution(tmp_path: Path) -> None:
+    """ω of a law that jumps down, beside one that does not; both are solved."""
+    saw = "{law: saw-tooth, tau: 0.3, delta: 0.2, teeth: 2, drop: 0.5, decay: 0.7}"
+    laws = f"{{saw: {saw}, weak: {{law: slip-weakening, tau_s: 1, tau_k: 0.5, delta: 0.1}}}}"
+    sweep = f"sweep={{friction: {laws}, tau_x: [1, 2]}}".replace("tau_x", "boundary.grip.u_x")
+    text = FILMS.replace("shoe: contact,", "shoe: free,")
+    text = text[: text.index("friction:")] + text[text.index("mesh:") :]
+    tcstudy.run(read_study_text(text, "a", [sweep]), tmp_path / "a.nc", jobs=1)
+    sweep = read_sweep(tmp_path / "a.nc", ("u_x", "friction"), "omega", None, -1)
+    assert sweep.infinite.tolist() == [name == 0 for name in sweep.parameters[1].place]
+    assert sweep.words.endswith("ω = ∞ at 2 points")
+    assert sweep.left_out == ""
+    with style.styled():
+        map_key = key_of(map_figure(sweep, style.Look()))
+        curve = curves_figure(sweep, style.Look())
+    assert "ω = ∞" in map_key
+    assert "no solution" not in map_key
+    assert [line.get_marker() for line in curve.axes[0].lines].count(r"$\infty$") == 1
+    margin = read_sweep(tmp_path / "a.nc", ("u_x", "friction"), "uniqueness_margin", None, -1)
+    assert margin.infinite_words.endswith("= −∞ at 2 points")
+    assert "ω = ∞ at 2 points: the friction law jumps down" in text_of(tmp_path / "a.nc")
 
 
 def test_points_of_a_list_and_random_ones_are_not_joined(stored: Stored) -> None:
