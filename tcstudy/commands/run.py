@@ -373,7 +373,7 @@ def outside_the_sweep(study: Study) -> Study:
 
 def place_of(study: Study, at: Mapping[str, Any] | None) -> tuple[str, tuple[int, ...]]:
     """A sweep point by its labels: in words, and its index. Raises DrawError."""
-    from tcstudy.data.store import sweep_points
+    from tcstudy.data.variables import sweep_points
     from tcstudy.reports.select_point import describe, locate
 
     points = sweep_points(study)

@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
+from tcstudy.data.bodies import StoredBody
 from tcstudy.data.files import OTHER_OUTPUT, Kind, attributes, kind_of, reading
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.data.schema import SWEEP, PointStatus, line_variables
-from tcstudy.data.store import GEOMETRIES, Places, numbers, tile_shape, tiles
+from tcstudy.data.schema import GEOMETRIES, SWEEP, PointStatus, line_variables
+from tcstudy.data.store import numbers
 from tcstudy.data.tables import history_variables, load_variables, step_record
+from tcstudy.data.variables import Places, tile_shape, tiles
 from tcstudy.errors import StoreError
 from tcstudy.scene.study import Axis, Study
 
@@ -147,96 +149,81 @@ def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
         yield nc[group] if group else nc
 
 
-def read_level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
-    """The record of a level, without what a page needs to solve by itself. nc: file or geometry"""
-    i = int(group.level)
+def read_level(body: StoredBody, level: int) -> LevelRecord:
+    """Return the record of a level, without what a page needs to solve by itself."""
+    group = body.group(level)
     values: dict[str, Any] = {
-        name: group[name][...] for name in ("arclength", "x", "y", "c", "edge")
+        name: body.read(group[name], level) for name in ("arclength", "x", "y", "c", "edge")
     }
-    values |= {
-        name: nc[name][i].item()
-        for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
-    }
-    meanings = str(getattr(group["edge"], "flag_meanings", ""))
+    names = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
+    values |= {name: body.once(name, level) for name in names}
+    meanings = str(body.attributes(group["edge"]).get("flag_meanings", ""))
+    kept = (*schema.MESH, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
+    fields = {v.name: body.read(group[v.name], level) for v in kept if v.name in group.variables}
     return LevelRecord(
-        level=i,
+        level=level,
         **values,
         edge_names=tuple(meanings.split()),
-        fields={
-            v.name: group[v.name][...]
-            for v in (*schema.MESH, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
-            if v.name in group.variables
-        },
-        stop=str(nc["stop"][i]) if "stop" in nc.variables else "",
+        fields={name: array for name, array in fields.items() if len(array)},
+        stop=str(body.once("stop", level)) if "stop" in body.nc.variables else "",
     )
 
 
 def read_blocks(
-    nc: netCDF4.Dataset, study: Study, places: Places, wanted: NDArray[np.bool_]
+    body: StoredBody, study: Study, places: Places, wanted: NDArray[np.bool_]
 ) -> Iterator[BlockRecord]:
-    """The points of a file, or of one of its geometries, as blocks of another study.
+    """Yield the points of a stored body as blocks of another study.
 
-    places: (P,) where the points of the file, in its order, stand in the sweep of `study`
+    places: (P,) where the points of the body, in its order, stand in the sweep of `study`
     wanted: (points of study, levels) which of them are given; those that were not run never are
     """
-    shape, levels = nc["status"].shape[:-1], nc["status"].shape[-1]
+    nc, count = body.nc, body.nc.dimensions["level"].size
     along = [
         v.name
         for v in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS)
         if SWEEP in v.dims
     ]
-    for level in range(levels):
-        line = nc.groups.get(f"level_{level}")
-        for cut, start, stop in tiles(shape, tile_shape(shape, _points(line))):
-
-            def by_point(values: Values) -> Values:
-                return np.asarray(values).reshape(-1, *np.shape(values)[len(shape) :])
-
-            at, status = places[start:stop], by_point(nc["status"][(*cut, level)])
+    names = [v.name for v in numbers(study) if v.name in nc.variables]
+    having = body.levels
+    for level in range(count):
+        line = body.group(level) if level in having else None
+        widths = body.sizes(level) if line is not None else []
+        room = max(1, VALUES // max(32, *widths, 1))
+        for cut, start, stop in tiles(body.shape, tile_shape(body.shape, room)):
+            at, status = places[start:stop], body.rows(nc["status"], level, cut)
             rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
             if not len(rows):
                 continue
-            words = by_point(nc["reason"][(*cut, level)])[rows]
-            names = [v.name for v in numbers(study) if v.name in nc.variables]
-            own = {name: by_point(nc[name][(*cut, level)])[rows] for name in names}
+            words = body.rows(nc["reason"], level, cut)[rows]
+            own = {name: body.rows(nc[name], level, cut)[rows] for name in names}
             if line is not None:
-                own |= {
-                    name: by_point(line[name][cut])[rows]
-                    for name in along
-                    if name in line.variables
-                }
+                present = (name for name in along if name in line.variables)
+                own |= {name: body.rows(line[name], level, cut)[rows] for name in present}
             yield BlockRecord(
                 *(level, study.shape, at[rows], status[rows]),
-                reasons={row: str(one) for row, one in enumerate(words) if one},
+                reasons={row: str(reason) for row, reason in enumerate(words) if reason},
                 u_T=own.pop("u_T", None),
                 xi=own.pop("xi", None),
                 sticks=own.pop("sticks", None),
                 fields={v.name: own.pop(v.name) for v in schema.FIELDS if v.name in own},
                 numbers=own,
-                solutions=_every(line, places, start + rows),
+                solutions=_every(body, level, places, start + rows) if line is not None else {},
             )
 
 
-def _every(group: netCDF4.Group | None, places: Places, rows: Places) -> dict[str, Values]:
-    """All solutions of these points of the file, if it has them; places: where all its points stand
-    in the sweep."""
-    if group is None or "solution_point" not in group.variables:
+def _every(body: StoredBody, level: int, places: Places, rows: Places) -> dict[str, Values]:
+    """Return all solutions of these points of a body, if the file has them.
+
+    places: where all points of the body stand in the sweep to which they go
+    """
+    group = body.group(level)
+    if "solution_point" not in group.variables:
         return {}
-    of = np.asarray(group["solution_point"][...])
-    own = np.isin(of, rows)
-    return {v.name: group[v.name][...][own] for v in schema.SOLUTION} | {
-        "solution_point": places[of[own]]
-    }
-
-
-def _points(group: netCDF4.Group | None) -> int:
-    """How many points may be in memory at a time."""
-    widths = (
-        [1]
-        if group is None
-        else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
-    )
-    return max(1, VALUES // max(32, *widths))
+    stored = body.places if body.number is not None else np.arange(len(body.places))
+    point = np.asarray(group["solution_point"][...])
+    own = np.isin(point, stored[rows])
+    columns = {v.name: body.read(group[v.name], level)[own] for v in schema.SOLUTION}
+    return columns | {"solution_point": places[np.searchsorted(stored, point[own])]}
 
 
 def places_in(study: Study, other: Study) -> Places:

@@ -3,6 +3,8 @@
 
 Root:           results by sweep point and level, and what a level has once
 /level_0, …:    the contact line of that mesh and, if asked for, the whole-body fields (UGRID-1.0)
+Geometries:     a sweep over geometries has the same groups (layout 2). The contact line of every geometry is padded
+                to the longest one of the level; meshes stand end to end as one UGRID mesh of parts that do not touch
 Missing values: NaN for floats (as _FillValue); −1 for counts, outside their valid_min and without _FillValue,
                 so that no reader turns an integer array into floats; for flags the one that says so
 
@@ -54,13 +56,23 @@ class PointStatus(IntEnum):
     ERROR = 6
 
 
-Dtype = Literal["f8", "i4", "i1", "str"]
+Dtype = Literal["f8", "i8", "i4", "i1", "str"]
 Dims = tuple[str, ...]
 Extra = Mapping[str, Any]
 SWEEP = "*"
 """Stands for the dimensions of the sweep in a `FileVariable.dims`."""
+OUTER, INNER = "+", "-"
+"""Stand for the dimensions of the sweep along which the geometry changes, and for those of the
+points of one geometry."""
 POINT = "point"
 """The one sweep dimension of a study in list mode."""
+OWN_POINT = "own_point"
+"""In list mode the dimension of the points of one geometry."""
+GEOMETRIES = "geometries"
+"""Global attribute of a file of several geometries, and its dimension: how many there are."""
+LAYOUT, PADDED = "layout", 2
+"""Global attribute that tells how a file keeps several geometries. PADDED: in the groups of the
+levels; files of version 0.8 have none, and a group for every geometry."""
 T, RATE = "t", "J m-1/t"
 """Stand for the units of a path's parameter, and of an energy per unit of it, in a
 `FileVariable.units`."""
@@ -504,13 +516,56 @@ LIVE: tuple[FileVariable, ...] = (
 their names."""
 LIVE_PREFIX = "live_"
 
+NUMBER = FileVariable(
+    *("geometry", "i4", "1", "number of the geometry", (SWEEP,)),
+    comment="-1 where the geometry was refused or has no mesh",
+)
+OVERRIDES = FileVariable(
+    *("overrides", "str", "", "options that make the study of the geometry", (GEOMETRIES,)),
+    comment="with study_yaml, one option a line; empty where the geometry was refused",
+)
+_UNDER_MESH = "of one mesh after the other, geometries without a mesh have none"
+MESH_COUNTS: tuple[FileVariable, ...] = (
+    FileVariable(
+        "mesh_node_count", "i4", "1", "mesh nodes of the geometry", (GEOMETRIES,), _UNDER_MESH
+    ),
+    FileVariable(
+        "mesh_face_count", "i4", "1", "triangles of the geometry", (GEOMETRIES,), _UNDER_MESH
+    ),
+)
+MESH_GEOMETRY = FileVariable(
+    "mesh_geometry", "i4", "1", "number of the geometry", ("mesh_face",), extra=_FACE
+)
+"""What the level of a file of several geometries has beside MESH, so that one mesh is found."""
+NO_EDGE, NONE = -1, "none"
+"""Flag, and its meaning, behind the end of a contact line that is shorter than others."""
+_ENDS = ("node", "held_end", "joint")
+"""Dimensions whose lengths differ from geometry to geometry, and which are padded."""
+
+
+def among_geometries(variable: FileVariable) -> FileVariable:
+    """Return the variable of a level as a file of several geometries has it.
+
+    What a contact line has once lies along OUTER, too, and may end in missing values; fields lie
+    along INNER, since every geometry has its own part of the mesh nodes.
+    """
+    dims = variable.dims
+    if dims == _IN_BODY:
+        return replace(variable, dims=(INNER, *_MESH_NODE))
+    if dims and dims[0] in _ENDS:
+        variable = replace(variable, dims=(OUTER, *dims), coordinate=False)
+    return replace(variable, no_value=NO_EDGE) if variable.dtype == "i1" else variable
+
+
+ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *LIVE) if SWEEP not in v.dims)
+"""Names of what the contact line of a geometry has once, whatever the point."""
+
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
-OWN_POINT = "own_point"
-"""What the dimension `point` is in a group of one geometry, where it has another length."""
-RESERVED = frozenset(name for v in (*_ALL, *LIVE) for name in (v.name, *v.dims)) | {
+_OF_GEOMETRIES = (NUMBER, OVERRIDES, *MESH_COUNTS, MESH_GEOMETRY)
+_EVERY = (*_ALL, *LIVE, *_OF_GEOMETRIES)
+RESERVED = frozenset(name for v in _EVERY for name in (v.name, *v.dims)) | {
     *_GOAL_NAMES,
-    "geometry",
     "live",
     "mesh",
     POINT,

@@ -237,6 +237,7 @@ def read_variants(
         "mode": sweep.mode,
         "design": sweep.design,
         "overrides": said,
+        "geometric": tuple(outer),
     }
     return replace(first, scenes=scenes, variants=tuple(variants), **said_of_sweep)  # type: ignore[arg-type]
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import OF_POLYGON, OWN_POINT, UNBALANCED, PointStatus
+from tcstudy.data.bodies import StoredBody
+from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
 from tcstudy.data.store import BRANCH, SWEPT_LOADS
 from tcstudy.reports.text import (
     PROOFS,
@@ -165,16 +166,11 @@ class RunSeen:
 
     def friction(self, place: tuple[int, ...]) -> float:
         """∫|ξ| on the last level at a point."""
-        home, where = "", dict(zip(self.dims, place, strict=True))
-        if "geometry" in self.nc.variables:
-            of = self.nc["geometry"][...]
-            home, where[OWN_POINT] = (
-                f"geometry_{of[place]}/",
-                np.count_nonzero(of[: place[0]] == of[place]),
-            )
-        group = self.nc[f"{home}level_{self.levels - 1}"]
-        xi = group["xi"][tuple(where[dim] for dim in group["xi"].dimensions[:-1])]
-        return float(np.abs(xi) @ group["c"][...])
+        body, point = StoredBody.at(self.nc, int(np.ravel_multi_index(place, self.ok.shape)))
+        level = self.levels - 1
+        group = body.group(level)
+        xi = body.read(group["xi"], level, body.cut(point))
+        return float(np.abs(xi) @ body.read(group["c"], level))
 
     def symbol(self, name: str) -> str:
         """How reports write the parameter of an axis, with the edge or region it belongs to."""

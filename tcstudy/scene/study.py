@@ -546,6 +546,7 @@ class Study:
     units:  "SI" or "none" (dimensionless)
     design: how the points were drawn, None if the study lists them
     variants: one study for each geometry where the sweep varies the body or its meshes; `mesh` is that of the first
+    geometric: the axes that make the geometries, by number
     tests:  one study for each further test of a fit, with its own data and values
     """
 
@@ -567,6 +568,7 @@ class Study:
     fit: FitPlan | None = None
     design: Design | None = None
     variants: tuple[Variant, ...] = ()
+    geometric: tuple[int, ...] = ()
     tests: tuple[Study, ...] = ()
 
     def __repr__(self) -> str:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from tcstudy.data.bodies import StoredBody
 from tcstudy.data.files import Remark, check_writable, collect, holds, tell
 from tcstudy.data.reading import opened, places_in, read_blocks, read_level
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord, Record
@@ -325,55 +326,56 @@ class Kept:
         return ExitStack()
 
     @cached_property
-    def _groups(self) -> dict[int | None, tuple[netCDF4.Dataset, Study]]:
-        """The file and its study; of every body of the study that it has, its group there and its
-        study there."""
+    def _stored(self) -> tuple[netCDF4.Dataset, Study] | None:
+        """The open file and its study."""
         if self.stored is None:
+            return None
+        return self._file.enter_context(opened(self.path)), self.stored
+
+    @cached_property
+    def _bodies(self) -> dict[int, tuple[StoredBody, Study]]:
+        """Bodies of the study that the file has, as they are there, and their studies there."""
+        if self._stored is None:
             return {}
-        nc = self._file.enter_context(opened(self.path))
-        found: dict[int | None, tuple[netCDF4.Dataset, Study]] = {None: (nc, self.stored)}
+        nc, stored = self._stored
         if not self.study.variants:
-            return found | {0: (nc, self.stored)}
-        numbers = np.full(
-            len(self.study.scenes), -1
-        )  # of the groups that points belong to, −1 for none
-        numbers[places_in(self.study, self.stored)] = nc["geometry"][...].ravel()
+            return {0: (StoredBody.of(nc), stored)}
+        # of the geometries in the file that points belong to, −1 for none
+        numbers = np.full(len(self.study.scenes), -1)
+        numbers[places_in(self.study, stored)] = nc["geometry"][...].ravel()
+        bodies = dict[int, tuple[StoredBody, Study]]()
         for i, body in enumerate(self.study.bodies):
-            if (n := int(numbers[body.places].max())) >= 0 and (
-                own := self.stored.bodies[n].study
-            ) is not None:
-                found[i] = nc[f"geometry_{n}"], own
-        return found
+            number = int(numbers[body.places].max())
+            own = stored.bodies[number].study if number >= 0 else None
+            if own is not None:
+                bodies[i] = StoredBody.of(nc, number), own
+        return bodies
 
     def levels(self, number: int) -> list[LevelRecord]:
         """The levels of a body of the study, as a run found them."""
-        if number not in self._groups:
+        if number not in self._bodies:
             return []
-        nc, _ = self._groups[number]
-        return [read_level(nc, group) for group in nc.groups.values()]
+        stored, _ = self._bodies[number]
+        return [read_level(stored, level) for level in stored.levels]
 
     def blocks(self, number: int) -> Iterator[BlockRecord]:
         """The points of a body that stay."""
         body = self.study.bodies[number]
-        if number in self._groups and body.study is not None:
-            nc, own = self._groups[number]
-            yield from read_blocks(
-                nc, body.study, places_in(body.study, own), ~self.todo[body.places]
-            )
+        if number in self._bodies and body.study is not None:
+            stored, own = self._bodies[number]
+            places = places_in(body.study, own)
+            yield from read_blocks(stored, body.study, places, ~self.todo[body.places])
 
-    def before(self, attributes: Mapping[str, Any], number: int | None = None) -> Mapping[str, Any]:
-        """The attributes of a run, or of one of its geometries, with the file's history before its
-        own."""
-        if number not in self._groups:
+    def before(self, attributes: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The attributes of a run, with the file's history before its own."""
+        if self._stored is None:
             return attributes
-        return {
-            **attributes,
-            "history": f"{self._groups[number][0].getncattr('history')}\n{attributes['history']}",
-        }
+        history = self._stored[0].getncattr("history")
+        return {**attributes, "history": f"{history}\n{attributes['history']}"}
 
     def close(self) -> None:
-        """Close the file, which stays open once something of it was asked for: with many groups
-        opening takes long."""
+        """Close the file, which stays open once something of it was asked for: opening one of
+        version 0.8 with many geometries takes long."""
         self._file.close()
 
 
@@ -470,11 +472,6 @@ def execute(
         whole = replace(each[0], attributes=kept.before(collect(study, command, remarks=remarks)))
         if study.variants:
             whole = replace(whole, study=study, levels=tuple, blocks=lambda: failed)
-            for i, own in meshed.items():
-                said = warnings(own.study, text=False)
-                meshed[i] = replace(
-                    own, attributes=kept.before(collect(own.study, command, remarks=said), i)
-                )
         elif (
             study.mesh.estimates
             and not study.mesh.listed

@@ -16,8 +16,8 @@ from tcstudy.data.files import collect
 from tcstudy.data.reading import open_results
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import sweep_points, tile_shape, tiles
 from tcstudy.data.tables import axis_names
+from tcstudy.data.variables import sweep_points, tile_shape, tiles
 from tcstudy.reports.select_point import describe, locate
 from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
 from tests.data.by_points import write

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.data.reading import places_in
-from tcstudy.data.store import sweep_points
+from tcstudy.data.variables import sweep_points
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.store import axis_attributes
+from tcstudy.data.variables import axis_attributes
 from tcstudy.errors import shortened
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style

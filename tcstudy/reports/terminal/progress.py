@@ -16,7 +16,7 @@ import numpy as np
 from tcstudy.data.files import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import sweep_points
+from tcstudy.data.variables import sweep_points
 from tcstudy.errors import Stream, visible
 from tcstudy.reports.select_point import naming
 from tcstudy.reports.text import (

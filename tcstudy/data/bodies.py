@@ -1,0 +1,285 @@
+"""The bodies of a result file, one by one: the body of all points, or one geometry of a sweep.
+
+A file of several geometries keeps them in one group for each level (layout 2): contact lines padded
+to the longest, meshes end to end. A file of version 0.8 has a group for every geometry, like a file
+of its own. `StoredBody` is the same for both: which places of a variable belong to the body. Node
+numbers, flags and lengths are those of a run of the geometry alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.schema import (
+    GEOMETRIES,
+    LAYOUT,
+    MESH_COUNTS,
+    MESH_GEOMETRY,
+    MISSING_COUNT,
+    NONE,
+    NUMBER,
+    ONCE,
+    OVERRIDES,
+    OWN_POINT,
+    POINT,
+)
+from tcstudy.data.variables import Places
+
+if TYPE_CHECKING:
+    import netCDF4
+    import xarray
+
+Values = NDArray[Any]
+Cut = tuple[slice | int, ...]
+"""A range of points, or the index of one, along every dimension of the sweep of a body."""
+
+_OF_ALL = frozenset(v.name for v in (*MESH_COUNTS, MESH_GEOMETRY))
+"""Variables of a level that tell geometries apart, which one body does not need."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredBody:
+    """One body of an opened file, nothing of which is masked.
+
+    nc:     the group with its numbers by point and level: that of the file, or of its geometry in a file of version 0.8
+    places: (P,) its points in the sweep of the file, in C order
+    dims:   dimensions of its own sweep, in which it has the extents `shape`
+    outer:  by dimension of the sweep of the file along which the geometry changes, its index there
+    number: of its geometry in a file of layout 2, else None
+    kept:   variables that were read as a whole, by path
+    """
+
+    nc: netCDF4.Dataset
+    places: Places
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    outer: Mapping[str, int] = field(default_factory=dict)
+    number: int | None = None
+    kept: dict[str, Values] | None = None
+
+    @classmethod
+    def of(cls, nc: netCDF4.Dataset, number: int = 0) -> StoredBody:
+        """Return a geometry of a file by its number; of a file of one body that body."""
+        if GEOMETRIES not in nc.ncattrs():
+            dims, shape = _sweep_of(nc)
+            return cls(nc, np.arange(int(np.prod(shape))), dims, shape)
+        geometry = nc[NUMBER.name]
+        return cls._among(nc, geometry.dimensions, geometry[...], number, None)
+
+    @classmethod
+    def at(cls, nc: netCDF4.Dataset, place: int) -> tuple[StoredBody, int]:
+        """Return the body of a point of a file, and the number of the point among its points."""
+        if GEOMETRIES not in nc.ncattrs():
+            return cls.of(nc), place
+        body = cls.of(nc, int(nc[NUMBER.name][...].ravel()[place]))
+        return body, int(np.searchsorted(body.places, place))
+
+    @classmethod
+    def every(cls, nc: netCDF4.Dataset) -> Iterator[StoredBody | None]:
+        """Yield all geometries of a file in order, None for one without a mesh; what several of
+        them share is read once."""
+        geometry = nc[NUMBER.name]
+        numbers, kept = geometry[...], dict[str, Values]()
+        for number in range(int(nc.getncattr(GEOMETRIES))):
+            if (numbers == number).any():
+                yield cls._among(nc, geometry.dimensions, numbers, number, kept)
+            else:
+                yield None
+
+    @classmethod
+    def _among(
+        cls,
+        nc: netCDF4.Dataset,
+        sweep: tuple[str, ...],
+        numbers: Values,
+        number: int,
+        kept: dict[str, Values] | None,
+    ) -> StoredBody:
+        places = np.flatnonzero(numbers == number)
+        if LAYOUT not in nc.ncattrs():
+            group = nc[f"geometry_{number}"]
+            return cls(group, places, *_sweep_of(group))
+        if sweep == (POINT,):
+            return cls(nc, places, (OWN_POINT,), places.shape, {}, number, kept)
+        index = np.unravel_index(places[0], numbers.shape)
+        outer, inner = dict[str, int](), dict[str, int]()
+        for d, dim in enumerate(sweep):
+            if (numbers != numbers.take([0], axis=d)).any():
+                outer[dim] = int(index[d])
+            else:
+                inner[dim] = numbers.shape[d]
+        return cls(nc, places, tuple(inner), tuple(inner.values()), outer, number, kept)
+
+    @property
+    def levels(self) -> list[int]:
+        """Numbers of the levels that the body has, coarse to fine."""
+        ends = (name.removeprefix("level_") for name in self.nc.groups)
+        numbers = sorted(int(end) for end in ends if end.isdigit())
+        if self.number is None:
+            return numbers
+        return [level for level in numbers if self.once("n_contact", level) != MISSING_COUNT]
+
+    def group(self, level: int) -> netCDF4.Group:
+        """Return the group of a level."""
+        return self.nc[f"level_{level}"]
+
+    def cut(self, point: int) -> Cut:
+        """Return the index of a point of the body, by its number, along its dimensions."""
+        return tuple(int(i) for i in np.unravel_index(point, self.shape)) if self.shape else ()
+
+    def once(self, name: str, level: int) -> Any:
+        """Return what a level of the body has once, of the variables of the root."""
+        variable = self.nc[name]
+        index = {**self.outer, POINT: int(self.places[0]), "level": level}
+        if self.number is None:
+            index = {"level": level}
+        value = self._values(variable)[tuple(index.get(dim, 0) for dim in variable.dimensions)]
+        return value.item() if hasattr(value, "item") else value
+
+    def read(self, variable: netCDF4.Variable, level: int, cut: Cut = ()) -> Values:
+        """Return the values of a variable that belong to points of the body, by default to all; of
+        the root those of one level.
+
+        Dimensions of the sweep are those of the body, and are gone where the cut has an index; what
+        a contact line has once has none.
+        """
+        index = self._index(variable, level, cut)
+        values = self._values(variable)[tuple(index[dim] for dim in variable.dimensions)]
+        if variable.name == "triangle" and self.number is not None:
+            first = self._extents(level)["mesh_node"].start
+            return (values - first).astype(np.int32)
+        return np.asarray(values)
+
+    def rows(self, variable: netCDF4.Variable, level: int, cut: Cut) -> Values:
+        """Return (R, …) values at the points of a cut of slices, in C order."""
+        values = self.read(variable, level, cut)
+        own = sum(dim in (*self.dims, POINT) for dim in variable.dimensions)
+        return values.reshape(-1, *values.shape[own:])
+
+    def sizes(self, level: int) -> list[int]:
+        """Return how many nodes the contact line and the mesh of a level have."""
+        if self.number is not None:
+            extents = self._extents(level)
+            own = [extents[dim] for dim in ("node", "mesh_node") if dim in extents]
+            return [extent.stop - extent.start for extent in own]
+        dims = self.group(level).dimensions
+        return [int(dims[dim].size) for dim in ("node", "mesh_node") if dim in dims]
+
+    def attributes(self, variable: netCDF4.Variable) -> dict[str, Any]:
+        """Return the attributes of a variable, without the flag of nodes that the body has not."""
+        own = {name: variable.getncattr(name) for name in variable.ncattrs()}
+        own.pop("_FillValue", None)
+        meanings = str(own.get("flag_meanings", "")).split()
+        if self.number is not None and meanings[:1] == [NONE]:
+            own["flag_meanings"] = " ".join(meanings[1:])
+            own["flag_values"] = own["flag_values"][1:]
+        return own
+
+    @property
+    def overrides(self) -> str:
+        """The options that make the study of the body of the text in the file, one a line."""
+        if self.number is not None:
+            return str(self._values(self.nc[OVERRIDES.name])[self.number])
+        return str(self.nc.getncattr("overrides"))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The global attributes of a file of this body alone."""
+        nc = self.nc
+        own = {name: nc.getncattr(name) for name in nc.ncattrs()} | {"overrides": self.overrides}
+        return {name: value for name, value in own.items() if name not in (GEOMETRIES, LAYOUT)}
+
+    def dataset(self, level: int, cut: Cut = ()) -> xarray.Dataset:
+        """Return the variables of a level, at points of a cut; nodes are numbered from 0."""
+        import xarray
+
+        group, variables = self.group(level), dict[str, Any]()
+        for name, variable in group.variables.items():
+            if self.number is not None and name in _OF_ALL:
+                continue
+            index = self._index(variable, level, cut)
+            kept = [dim for dim in variable.dimensions if not isinstance(index[dim], int)]
+            dims = [OWN_POINT if dim == POINT else dim for dim in kept]
+            dims = dims if self.number is not None else kept
+            values = self.read(variable, level, cut)
+            variables[name] = xarray.Variable(dims, values, self.attributes(variable))
+        return xarray.Dataset(variables)
+
+    def _values(self, variable: netCDF4.Variable) -> Any:
+        if self.kept is None:
+            return variable
+        path = f"{variable.group().path}/{variable.name}"
+        if path not in self.kept:
+            self.kept[path] = variable[...]
+        return self.kept[path]
+
+    def _index(self, variable: netCDF4.Variable, level: int, cut: Cut) -> dict[str, Any]:
+        """Return the index of the body, at points of a cut, by dimension of a variable."""
+        index: dict[str, Any] = dict.fromkeys(variable.dimensions, slice(None))
+        own: dict[str, Any] = dict(zip(self.dims, cut, strict=False))
+        if self.number is None:
+            return index | own | {"level": level}
+        if self.dims == (OWN_POINT,):
+            points = own.get(OWN_POINT, slice(None))
+            own[POINT] = _compact(self.places[points])
+            own[OWN_POINT] = points if isinstance(points, int) else _within(points, self.shape[0])
+        if variable.name in ONCE:
+            own = dict.fromkeys(self.dims, 0) | {POINT: int(self.places[0])}
+        return {**index, **self.outer, **own, **self._extents(level), "level": level}
+
+    def _extents(self, level: int) -> dict[str, slice]:
+        """Return where the lengths that geometries have of their own lie along the dimensions of a
+        level."""
+        if level not in self._known:
+            self._known[level] = self._find_extents(level)
+        return self._known[level]
+
+    def _find_extents(self, level: int) -> dict[str, slice]:
+        m = int(self.once("n_contact", level))
+        extents = {"node": slice(0, m), "node_column": slice(0, m)}
+        group = self.group(level)
+        for name, dim in (("held_arclength", "held_end"), ("joint_node", "joint")):
+            if name in group.variables:
+                variable = group[name]
+                index = {**self.outer, POINT: int(self.places[0]), dim: slice(None)}
+                row = self._values(variable)[tuple(index.get(d, 0) for d in variable.dimensions)]
+                there = ~np.isnan(row) if row.dtype.kind == "f" else row != MISSING_COUNT
+                extents[dim] = slice(0, int(np.count_nonzero(there)))
+        for variable in MESH_COUNTS:
+            if variable.name in group.variables:
+                counts = self._values(group[variable.name])
+                before = int(np.sum(counts[: self.number], dtype=np.int64))
+                own = slice(before, before + int(counts[self.number]))
+                extents[variable.name.removesuffix("_count")] = own
+        return extents
+
+    @cached_property
+    def _known(self) -> dict[int, dict[str, slice]]:
+        return {}
+
+
+def _sweep_of(nc: netCDF4.Dataset) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Return the dimensions and the extent of the sweep of a file, or of a group like one."""
+    status = nc["status"]
+    return status.dimensions[:-1], status.shape[:-1]
+
+
+def _within(points: slice, count: int) -> slice:
+    """Return a slice that ends with the last of so many points."""
+    start, stop, _ = points.indices(count)
+    return slice(start, stop)
+
+
+def _compact(places: Any) -> Any:
+    """Return places as an index or a slice where they are one, which is read faster."""
+    if np.ndim(places) == 0:
+        return int(places)
+    if len(places) and places[-1] - places[0] == len(places) - 1:
+        return slice(int(places[0]), int(places[-1]) + 1)
+    return places
