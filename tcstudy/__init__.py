@@ -7,7 +7,7 @@
     result.summary, result.draw("a.svg"), result.save("results/coarse.nc")
 
 Studies:  init, load, Study (from_dict, with_, to_yaml), plan, run, converge, cost
-Results:  Result (summary, to_dataframe, draw, report, save), open_results, draw, report, export
+Results:  Result (summary, to_dataframe, draw, report, save), open_results, open_geometry, draw, report, export
 Matrices: ContactProblem, law, solve, all_solutions, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
         UserFault,
     )
     from tcstudy.matrices import ContactProblem, all_solutions, certify, follow, law, solve
-    from tcstudy.results import Result, draw, export, open_results, report
+    from tcstudy.results import Result, draw, export, open_geometry, open_results, report
 
     __version__: str
 
@@ -63,14 +63,16 @@ __all__ = [
     "ContactProblem", "ConvergenceError", "CostError", "DrawError", "FitError", "GeometryFailed", "HistoryError",
     "PageError", "PathError", "ProblemError", "Result", "StoreError", "Study", "StudyError", "StudyWarning",
     "UsageError", "UserFault", "__version__", "all_solutions", "certify", "converge", "cost", "draw", "export",
-    "follow", "init", "law", "load", "open_results", "plan", "report", "run", "solve",
+    "follow", "init", "law", "load", "open_geometry", "open_results", "plan", "report", "run", "solve",
 ]  # fmt: skip
 
 _FILES = {
     **dict.fromkeys(
         ("ContactProblem", "all_solutions", "certify", "follow", "law", "solve"), "matrices"
     ),
-    **dict.fromkeys(("Result", "draw", "export", "open_results", "report"), "results"),
+    **dict.fromkeys(
+        ("Result", "draw", "export", "open_geometry", "open_results", "report"), "results"
+    ),
 }
 """Files of names that stand neither in errors nor in api."""
 

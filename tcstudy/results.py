@@ -286,6 +286,27 @@ def _warn_of(of: Result | str | FilePath) -> None:
 
 
 @python_door
+def open_geometry(
+    file: Result | str | FilePath, /, level: int = -1, **labels: Any
+) -> xarray.Dataset:
+    """Return one mesh level of one geometry of a run's file, or of the one body that it has.
+
+        body = tcstudy.open_geometry("results/plate.nc", radius="5 mm")
+        body["u_T"], body["triangle"]            # at its own points and nodes, numbered from 0
+
+    level: −1 is the finest;  labels: of swept parameters, which points of one geometry have
+    The data have all points of the geometry, their labels as coordinates, and as attributes those
+    of the file, with the options that make its study. Nothing stays open.
+    Raises StoreError, DrawError where no point has these labels, UsageError where points of several
+    geometries do.
+    """
+    from tcstudy.reports.select_point import load_geometry
+
+    _warn_of(file)
+    return load_geometry(_file(file), labels, level)
+
+
+@python_door
 def draw(
     file: Result | Study | str | FilePath, target: str | FilePath | None = None, **wanted: Any
 ) -> FilePath | Figure:

@@ -8,15 +8,19 @@ numbers, flags and lengths are those of a run of the geometry alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import (
+    FIELDS,
     GEOMETRIES,
     LAYOUT,
     MESH_COUNTS,
@@ -41,6 +45,21 @@ Cut = tuple[slice | int, ...]
 
 _OF_ALL = frozenset(v.name for v in (*MESH_COUNTS, MESH_GEOMETRY))
 """Variables of a level that tell geometries apart, which one body does not need."""
+
+
+_FIELDS = frozenset(v.name for v in FIELDS)
+_OWN_LENGTHS = ("held_end", "joint", "mesh_node", "mesh_face")
+"""Dimensions that not every geometry has."""
+
+
+@contextmanager
+def unmasked(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open a file that is known to be a result, nothing of which is masked."""
+    import netCDF4
+
+    with netCDF4.Dataset(path) as nc:
+        nc.set_auto_mask(False)
+        yield nc
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +179,7 @@ class StoredBody:
         """Return (R, …) values at the points of a cut of slices, in C order."""
         values = self.read(variable, level, cut)
         own = sum(dim in (*self.dims, POINT) for dim in variable.dimensions)
-        return values.reshape(-1, *values.shape[own:])
+        return values.reshape(math.prod(values.shape[:own]), *values.shape[own:])
 
     def sizes(self, level: int) -> list[int]:
         """Return how many nodes the contact line and the mesh of a level have."""
@@ -196,20 +215,75 @@ class StoredBody:
         return {name: value for name, value in own.items() if name not in (GEOMETRIES, LAYOUT)}
 
     def dataset(self, level: int, cut: Cut = ()) -> xarray.Dataset:
-        """Return the variables of a level, at points of a cut; nodes are numbered from 0."""
+        """Return the variables of a level at points of a cut, by default at all, as a run of the
+        body alone has them: nodes count from 0, nothing is padded.
+
+        All solutions of a point (`solver.branch: all`) are left out where there is a cut.
+        """
         import xarray
 
-        group, variables = self.group(level), dict[str, Any]()
-        for name, variable in group.variables.items():
-            if self.number is not None and name in _OF_ALL:
+        variables = dict[str, Any]()
+        for name, variable in self.group(level).variables.items():
+            is_shared = self.number is not None and name in _OF_ALL
+            if is_shared or (cut and "solution" in variable.dimensions):
                 continue
             index = self._index(variable, level, cut)
             kept = [dim for dim in variable.dimensions if not isinstance(index[dim], int)]
-            dims = [OWN_POINT if dim == POINT else dim for dim in kept]
-            dims = dims if self.number is not None else kept
             values = self.read(variable, level, cut)
-            variables[name] = xarray.Variable(dims, values, self.attributes(variable))
+            if self.listed:
+                kept = [OWN_POINT if dim == POINT else dim for dim in kept]
+                if name in _FIELDS and not cut and OWN_POINT not in kept:
+                    kept, values = [OWN_POINT, *kept], values[None]
+            if "solution" in kept and self.number is not None:
+                values = self._own_solutions(level, name, values)
+            sizes = dict(zip(kept, values.shape, strict=True))
+            if all(sizes.get(dim, 1) for dim in _OWN_LENGTHS):
+                variables[name] = xarray.Variable(kept, values, self.attributes(variable))
         return xarray.Dataset(variables)
+
+    def level_table(self, names: Sequence[str]) -> xarray.Dataset:
+        """Return the status of its points by level, and by these names what a level has once."""
+        import xarray
+
+        levels = range(self.nc.dimensions["level"].size)
+        status = [self.read(self.nc["status"], level) for level in levels]
+        table = {"status": ((*self.dims, "level"), np.stack(status, axis=-1))}
+        for name in names:
+            table[name] = (("level",), np.array([self.once(name, level) for level in levels]))
+        return xarray.Dataset(table)
+
+    def coordinates(self) -> dict[str, Any]:
+        """Return the labels of the points of the body, by name of the swept parameter; a single one
+        of a parameter that makes the geometry."""
+        import xarray
+
+        root = self.nc if self.nc.parent is None else self.nc.parent
+        status = root["status"]
+        sweep = status.dimensions[:-1]
+        coordinates = dict[str, Any]()
+        if sweep == (POINT,):
+            for name in str(status.getncattr("coordinates")).split():
+                labels = root[name][...][self.places]
+                attributes = self.attributes(root[name])
+                coordinates[name] = xarray.Variable(self.dims, labels, attributes)
+            return coordinates
+        first = np.unravel_index(self.places[0], status.shape[:-1])
+        for dim, place in zip(sweep, first, strict=True):
+            kept = (dim,) if dim in self.dims else ()
+            labels = root[dim][...] if kept else root[dim][int(place)]
+            coordinates[dim] = xarray.Variable(kept, labels, self.attributes(root[dim]))
+        return coordinates
+
+    @property
+    def listed(self) -> bool:
+        """Whether the points of the body stand scattered in a list of a file of layout 2."""
+        return self.number is not None and self.dims == (OWN_POINT,)
+
+    def _own_solutions(self, level: int, name: str, values: Values) -> Values:
+        """Return the part of a variable of all solutions that is of points of the body."""
+        point = self._values(self.group(level)["solution_point"])[...]
+        own = np.isin(point, self.places)
+        return np.searchsorted(self.places, point[own]) if name == "solution_point" else values[own]
 
     def _values(self, variable: netCDF4.Variable) -> Any:
         if self.kept is None:
@@ -225,7 +299,7 @@ class StoredBody:
         own: dict[str, Any] = dict(zip(self.dims, cut, strict=False))
         if self.number is None:
             return index | own | {"level": level}
-        if self.dims == (OWN_POINT,):
+        if self.listed:
             points = own.get(OWN_POINT, slice(None))
             own[POINT] = _compact(self.places[points])
             own[OWN_POINT] = points if isinstance(points, int) else _within(points, self.shape[0])

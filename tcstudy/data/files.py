@@ -185,6 +185,15 @@ def is_locked(path: Path) -> bool:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
+    """Return the global attributes of a file, read once while it stays as it is: opening a file of
+    many groups takes long, and one command asks several times."""
+    now = path.stat()
+    stamp = now.st_size, now.st_ino, now.st_mtime_ns, now.st_ctime_ns
+    return dict(_read_attributes(Path(os.path.realpath(path)), *stamp))
+
+
+@lru_cache(maxsize=16)
+def _read_attributes(path: Path, *_stamp: int) -> dict[str, Any]:
     if (seal := seal_of(path)) is False:
         raise Unreadable("its checksum is wrong")
     with open(path, "rb") as stream:

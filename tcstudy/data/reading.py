@@ -9,7 +9,7 @@ sweep.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.bodies import StoredBody
+from tcstudy.data.bodies import StoredBody, unmasked
 from tcstudy.data.files import OTHER_OUTPUT, Kind, attributes, kind_of, reading
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import GEOMETRIES, SWEEP, PointStatus, line_variables
@@ -63,15 +63,6 @@ def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
         raise StoreError(f"{path} holds a {found}, not a {kind}; use tcstudy show")
     with open_root(path) as data:
         return data.load()
-
-
-def refuse_geometries(attributes: Mapping[Any, Any], what: str) -> None:
-    """Raise StoreError for a file of several geometries where one is needed."""
-    if GEOMETRIES in attributes:
-        how = "run the study for one, with --set and that value in place of the swept ones"
-        raise StoreError(
-            f"the file has {attributes[GEOMETRIES]} geometries, and {what} is of one; {how}"
-        )
 
 
 def sweep_dims(data: Any) -> list[str]:
@@ -142,10 +133,7 @@ VALUES = 2**22
 @contextmanager
 def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
     """A finished file, or a group of it, nothing of which is masked. Raises StoreError."""
-    import netCDF4
-
-    with reading(path), netCDF4.Dataset(path) as nc:
-        nc.set_auto_mask(False)
+    with reading(path), unmasked(path) as nc:
         yield nc[group] if group else nc
 
 
@@ -198,7 +186,9 @@ def read_blocks(
             own = {name: body.rows(nc[name], level, cut)[rows] for name in names}
             if line is not None:
                 present = (name for name in along if name in line.variables)
-                own |= {name: body.rows(line[name], level, cut)[rows] for name in present}
+                values = {name: body.rows(line[name], level, cut)[rows] for name in present}
+                # a geometry has no held ends although others of the file have some
+                own |= {name: array for name, array in values.items() if array.shape[-1]}
             yield BlockRecord(
                 *(level, study.shape, at[rows], status[rows]),
                 reasons={row: str(reason) for row, reason in enumerate(words) if reason},

@@ -455,7 +455,7 @@ def _parts(
     variables: Sequence[FileVariable],
     sizes: Mapping[str, int],
     extent: _Extent,
-    room: int = MEMORY // 4,
+    room: int = 0,
 ) -> list[_Part]:
     """Define variables along an extent, and cut them into parts.
 
@@ -470,7 +470,7 @@ def _parts(
     for variable in variables:
         define(group, variable, study, (*extent.as_in_file(tile), *shapes[variable.name]))
     every, size = list(tiles(extent.gathered, tile)), sum(widths) * math.prod(tile)
-    count = max(1, room // max(1, size))
+    count = max(1, (room or MEMORY // 4) // max(1, size))
     cuts = (every[i : i + count] for i in range(0, len(every), count))
     return [_Part(group, level, [*variables], shapes, extent, cut, len(cut) * size) for cut in cuts]
 

@@ -42,15 +42,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.bodies import unmasked
 from tcstudy.data.files import WARNINGS, check_writable, kind_of, reading, remarks_of, replace_file
-from tcstudy.data.reading import (
-    by_point,
-    each_point,
-    load_root,
-    open_results,
-    open_root,
-    refuse_geometries,
-)
+from tcstudy.data.reading import by_point, load_root, open_root
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.parts import Json, flag_words, plain
@@ -62,7 +56,13 @@ from tcstudy.reports.picture import (
     von_mises,
 )
 from tcstudy.reports.rounding import stored_study
-from tcstudy.reports.select_point import Value, labels_by_point, level_number, matching
+from tcstudy.reports.select_point import (
+    Value,
+    chosen_body,
+    labels_by_point,
+    level_number,
+    matching,
+)
 from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.histories import ContactState
 from tcstudy.scene.records import Scene
@@ -91,40 +91,40 @@ def write_fields(
 ) -> Exported:
     """Write the fields of a run's points on one level into a folder; the PVD comes last.
 
-    point: labels of swept parameters, only the points that have them;  level: −1 is the finest
+    point: labels of swept parameters, only the points that have them; of several geometries they name one
+    level: −1 is the finest
 
     Raises StoreError if `path` is no result file or a file cannot be written, DrawError for a point
-    or level that there is not, UsageError for a file of another kind.
+    or level that there is not, UsageError for a file of another kind or several geometries.
     """
     if (kind := kind_of(path)) != "run":
         raise UsageError(
             f"--vtu: {path} is a file of tcstudy {kind} and has no fields; name that of a run"
         )
-    with reading(path), open_results(path) as tree:
-        root = tree.to_dataset()
-        refuse_geometries(root.attrs, "--vtu")
+    with reading(path), open_root(path) as root, unmasked(path) as nc:
         n = level_number(root, level)
-        if f"level_{n}" not in tree.children:
+        wanted = matching(root, point or {})
+        body = chosen_body(nc, root, wanted, f"--vtu: {path}", "--at ")
+        if body is None or n not in body.levels:
             raise UsageError(
                 f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show"
             )
-        group, study = tree[f"level_{n}"].to_dataset(), stored_study(root)
-        points, wanted, labels = (
-            each_point(root),
-            matching(root, point or {}),
-            labels_by_point(root),
-        )
+        study, labels = stored_study(body.about), labels_by_point(root)
         units = {name: str(root[name].attrs.get("units", "1")) for name in labels}
         solved = by_point(root["status"], root)[:, n] == PointStatus.OK
         files: list[tuple[int, int, str, str]] = []
-        for i in np.flatnonzero(wanted & solved):
-            scene = None if study is None else study.scenes[int(i)]
+        for own_point, i in enumerate(body.places):
+            if not (wanted[i] and solved[i]):
+                continue
+            scene = None if study is None else study.scenes[own_point]
             labelled = [(name, values[i].item(), units[name]) for name, values in labels.items()]
-            files += _write_point(path.stem, folder, int(i), labelled, group.isel(points[i]), scene)
+            group = body.dataset(n, body.cut(own_point))
+            files += _write_point(path.stem, folder, int(i), labelled, group, scene)
+        has_fields = "u_x" in body.group(n).variables
         pvd = folder / f"{path.stem}.pvd"
         write_collection(pvd, files)
     lacks = []
-    if "u_x" not in group:
+    if not has_fields:
         lacks.append(
             f"the file has no fields of the body, so only contact lines were written; {HOW}"
         )

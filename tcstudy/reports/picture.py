@@ -17,7 +17,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import GEOMETRIES, by_point, open_results, sweep_dims
+from tcstudy.data.bodies import StoredBody, unmasked
+from tcstudy.data.reading import open_root, sweep_dims
 from tcstudy.data.schema import JOINTS, STICKS
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
@@ -215,21 +216,17 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
     Raises StoreError if `path` is not a complete result file, DrawError if it does not hold the
     point or the point was not solved.
     """
-    with open_results(path) as tree:
-        root = tree.to_dataset()
+    with open_root(path) as root, unmasked(path) as nc:
         where = locate(root, point) if point else of_largest_slip(root)
         number = level_number(root, level)
         check_solved(root, where, number)
-        words, symbols = describe(root, where), axis_symbols(root)
-        if GEOMETRIES in root.attrs:
-            tree, root, where = _own_geometry(tree, root, where)
-        study = stored_study(root)
-        group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
-        line, place = contact_line(group), _place(root, where)
-        sizes = floors(root, study)
+        body, own_point = StoredBody.at(nc, _place(root, where))
+        study = stored_study(body.about)
+        group = body.dataset(number, body.cut(own_point))
+        line = contact_line(group)
         return Picture(
             at=root.isel(where).isel(level=number).load(),
-            point=words,
+            point=describe(root, where),
             level=number,
             line=_without_rounding(line, sizes, place, number),
             body=body_fields(group, lambda theta: sizes.cleared("theta", theta, number, place)),
@@ -238,8 +235,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             held=np.append(group["held_u_T"].values if "held_u_T" in group else [], np.nan)[
                 ends_held(line, group)
             ],
-            scene=study.scenes[place] if study is not None else None,
-            symbols=symbols,
+            scene=study.scenes[own_point] if study is not None else None,
         )
 
 
@@ -263,21 +259,6 @@ def _place(root: Any, where: Mapping[str, int]) -> int:
         if dims
         else 0
     )
-
-
-def _own_geometry(
-    tree: Any, root: Any, where: Mapping[str, int]
-) -> tuple[Any, Any, dict[str, int]]:
-    """The part of a file that the geometry of a point has, its table, and the place of the point in
-    it."""
-    of, place = by_point(root["geometry"], root), _place(root, where)
-    tree = tree[f"geometry_{of[place]}"]
-    own = tree.to_dataset(inherit=False)
-    dims = sweep_dims(own)
-    index = np.unravel_index(
-        np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in dims]
-    )
-    return tree, own, {dim: int(i) for dim, i in zip(dims, index, strict=True)}
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:

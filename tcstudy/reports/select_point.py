@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import axis_names, sweep_dims
-from tcstudy.data.schema import PointStatus
-from tcstudy.errors import DrawError, hint
+from tcstudy.data.bodies import StoredBody, unmasked
+from tcstudy.data.files import kind_of, reading
+from tcstudy.data.reading import axis_names, by_point, open_root, sweep_dims
+from tcstudy.data.schema import GEOMETRIES, PointStatus
+from tcstudy.errors import DrawError, UsageError, hint
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
 from tcstudy.scene.keys import symbol
+
+if TYPE_CHECKING:
+    import netCDF4
+    import xarray
 
 Value = float | int | str | Sequence[float | int | str]
 
@@ -66,6 +73,47 @@ def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
         near = "; ".join(describe(data, {dims[0]: int(i)}) for i in np.flatnonzero(found[one])[:3])
         raise DrawError(f"no point has {given} together; with that {one} there are: {near}")
     return fits.ravel()
+
+
+def chosen_body(
+    nc: netCDF4.Dataset, data: Any, wanted: NDArray[np.bool_], file: str, option: str = ""
+) -> StoredBody | None:
+    """Return the body of the wanted points of a file, None for a geometry without a mesh.
+
+    nc, data: the opened file and its root dataset;  file, option: how a message, and a label in it, begins
+    Raises UsageError where these points are of several geometries.
+    """
+    if GEOMETRIES not in data.attrs:
+        return StoredBody.of(nc)
+    numbers = by_point(data["geometry"], data)
+    chosen = np.unique(numbers[wanted])
+    if len(chosen) == 1:
+        return StoredBody.of(nc, int(chosen[0])) if chosen[0] >= 0 else None
+    place = int(np.argmax(wanted & (numbers >= 0)))
+    body, _ = StoredBody.at(nc, place)
+    example = list[str]()
+    for name, labels in labels_by_point(data).items():
+        if name not in body.dims:
+            label = labels[place]
+            example.append(f"{option}{name}={label if isinstance(label, str) else f'{label:.6g}'}")
+    raise UsageError(
+        f"{file}: the points asked for are of {len(chosen)} geometries, and this takes one; name it, "
+        f"for example {' '.join(example)}"
+    )
+
+
+def load_geometry(path: Path, point: Mapping[str, Value], level: int) -> xarray.Dataset:
+    """Return what `tcstudy.open_geometry` does."""
+    if (kind := kind_of(path)) != "run":
+        raise UsageError(f"{path} is a file of tcstudy {kind}; name that of a run")
+    with reading(path), open_root(path) as data, unmasked(path) as nc:
+        number = level_number(data, level)
+        body = chosen_body(nc, data, matching(data, point), str(path))
+        if body is None or number not in body.levels:
+            raise DrawError(
+                f"{path} has no mesh of level {number} of this geometry; see tcstudy show"
+            )
+        return body.dataset(number).assign_coords(body.coordinates()).assign_attrs(body.about)
 
 
 def parameter(data: Any, given: str) -> str:

@@ -61,11 +61,17 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
     assert data["h_max"].dims == ("width", "E", "level")
     assert data["width"].values.tolist() == [0.1, 0.2, 0.4]
     assert right(tree)
-    group = tree[f"geometry_{int(data['geometry'].sel(width=0.1)[0])}"]
     one = run(BAR, tmp_path / "one.nc", "body.rectangle.width=0.1", "sweep={E: [70 GPa, 35 GPa]}")
-    for name in (f"level_{i}/{name}" for i in (0, 1) for name in ("arclength", "u_T", "xi")):
-        assert np.array_equal(group[name].values, one[name].values)
-    assert float(group["level_1"]["arclength"].max()) == pytest.approx(0.1)
+    for level in (0, 1):
+        body = tcstudy.open_geometry(bar, level, width=0.1)
+        for name in ("arclength", "u_T", "xi"):
+            assert np.array_equal(body[name].values, one[f"level_{level}"][name].values)
+    fine = tree["level_1"].dataset
+    assert fine["u_T"].dims == ("width", "E", "node")
+    for label, u_T in zip(data["width"].values, fine["u_T"].max("node").values, strict=True):
+        line = fine["arclength"].sel(width=label).dropna("node")
+        assert float(line.max()) == pytest.approx(label)
+        assert np.array_equal(u_T, data["u_T_max"].sel(width=label).isel(level=1))
 
 
 def test_a_geometry_that_cannot_be_is_a_status_with_its_reason(tmp_path: Path) -> None:
@@ -98,8 +104,8 @@ def test_a_refused_geometry_of_more_points_than_the_first_other() -> None:
 
 
 def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
-    """Points of a list with equal geometries are one run; the text and options in a group are that
-    study."""
+    """Points of a list with equal geometries are one run, whose options make that study of the
+    text."""
     points = ", ".join(f"{{mesh.maxh: {h} mm, E: {E} GPa}}" for h, E in ((20, 1), (10, 1), (20, 2)))
     study = read_study_text(BAR, "study", [f"sweep={{mode: list, points: [{points}]}}"])
     assert [one.places.tolist() for one in study.variants] == [[0, 2], [1]]
@@ -111,7 +117,10 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
     tree = tcstudy.run(study, tmp_path / "out.nc")
     assert np.allclose(tree["u_T_max"].isel(level=1), [2e-4, 2e-4, 1e-4], rtol=1e-9)
     assert tree["geometry"].values.tolist() == [0, 1, 0]
-    assert tree["geometry_0/level_0"]["u_T"].dims == ("own_point", "node")
+    assert tree["level_0"]["u_T"].dims == ("point", "node")
+    body = tcstudy.open_geometry(tmp_path / "out.nc", maxh="20 mm")
+    assert body["u_T"].dims == ("own_point", "node")
+    assert body["E"].values.tolist() == [1e9, 2e9]
     assert "3 of 3 points" in text_of(tmp_path / "out.nc")
     drawn = "sweep={mode: sobol, points: 4, body.rectangle.width: {uniform: [100 mm, 200 mm]}}"
     assert len(read_study_text(BAR, "s", [drawn]).variants) == 4
@@ -157,7 +166,7 @@ def test_a_map_shows_all_geometries(bar: Path, tmp_path: Path) -> None:
 ONE = BAR.replace(", levels: 2", "")
 
 
-def same(one: Path, two: Path, at: dict[str, object]) -> None:
+def same(one: Path, two: Path, at: dict[str, list[float]]) -> None:
     """The points of one file are those of the other, to the bit: numbers, and profiles of their
     geometries."""
     with xr.open_datatree(one) as a, xr.open_datatree(two) as b:
@@ -167,13 +176,11 @@ def same(one: Path, two: Path, at: dict[str, object]) -> None:
                 for t in (a, b)
             ]
             assert np.array_equal(*pair), name
-        inner = {name: at[name] for name in ("E",) if name in at}
-        for i, j in {*zip(*(t["geometry"].sel(at).values.ravel() for t in (a, b)), strict=True)}:
-            pair = [t[f"geometry_{k}/level_0"].to_dataset().sel(inner) for t, k in ((a, i), (b, j))]
-            assert all(
-                np.array_equal(*(lines[name].values for lines in pair))
-                for name in ("arclength", "u_T", "xi")
-            )
+    inner = {name: at[name] for name in ("E",) if name in at}
+    for width in at["width"]:
+        pair = [tcstudy.open_geometry(file, 0, width=width).sel(inner) for file in (one, two)]
+        for name in ("arclength", "u_T", "xi"):
+            assert np.array_equal(*(lines[name].values for lines in pair)), name
 
 
 def right(tree: xr.DataTree) -> bool:

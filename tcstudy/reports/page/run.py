@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.bodies import StoredBody, unmasked
 from tcstudy.data.files import kind_of
 from tcstudy.data.reading import (
     GEOMETRIES,
@@ -27,7 +28,7 @@ from tcstudy.data.reading import (
     open_results,
     sweep_dims,
 )
-from tcstudy.data.schema import MISSING_COUNT, STICKS, PointStatus
+from tcstudy.data.schema import MISSING_COUNT, OVERRIDES, STICKS, PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
@@ -105,7 +106,7 @@ def read(path: Path, whole: bool = False) -> Stored:
     """
     kind = kind_of(path)
     with open_results(path) as tree:
-        root = tree.to_dataset()
+        root = tree.to_dataset().drop_vars(OVERRIDES.name, errors="ignore")
         steps = _steps(root) if kind == "run" and "status" in root and not whole else {}
         data = of_largest(root.isel(steps).load())
         if kind == "run" and not {"status", "level"} <= set(data.variables):
@@ -117,16 +118,10 @@ def read(path: Path, whole: bool = False) -> Stored:
             or GEOMETRIES in data.attrs
             or root["status"].isel(level=0).size <= MOST_SCENES
         )
-        study = stored_study(data, swept)
-        found = Stored(
-            path,
-            kind,
-            data,
-            *_levels(tree, steps),
-            study,
-            homes=_homes(path, tree, data, study),
-            swept=swept,
-        )
+        study = stored_study(data.attrs, swept)
+        groups, live = _levels(tree, steps)
+        homes = _homes(path, study) if GEOMETRIES in data.attrs else ()
+        found = Stored(path, kind, data, groups, live, study, homes, swept)
         if steps:
             shape = [int(root.sizes[dim]) for dim in sweep_dims(root)]
             numbers = np.arange(np.prod(shape)).reshape(shape)
@@ -152,12 +147,10 @@ def _steps(root: Any) -> dict[str, slice]:
 def _levels(
     tree: Any, steps: dict[str, slice] | None = None
 ) -> tuple[dict[int, Any], dict[int, Any]]:
-    """The groups of the levels of a run, and of their live data."""
-    levels = {
-        n: tree[f"level_{n}"]
-        for n in range(tree.sizes.get("level", 0))
-        if f"level_{n}" in tree.children
-    }
+    """The groups of the levels of a run, and of their live data; none of several geometries, of
+    which each has its own."""
+    numbers = range(0 if GEOMETRIES in tree.attrs else tree.sizes.get("level", 0))
+    levels = {n: tree[f"level_{n}"] for n in numbers if f"level_{n}" in tree.children}
 
     def kept(data: Any) -> Any:
         return data.isel(steps or {}, missing_dims="ignore").load()
@@ -171,16 +164,18 @@ def _levels(
     return groups, live
 
 
-def _homes(path: Path, tree: Any, data: Any, study: Study | None) -> tuple[Stored | None, ...]:
-    found: list[Stored | None] = []
-    for i in range(int(data.attrs.get(GEOMETRIES, 0))):
-        group = tree.children.get(f"geometry_{i}")
-        own = None if study is None else study.variants[i].study
-        found.append(
-            group
-            and Stored(path, "run", group.to_dataset(inherit=False).load(), *_levels(group), own)
-        )
-    return tuple(found)
+def _homes(path: Path, study: Study | None) -> tuple[Stored | None, ...]:
+    """Return what each geometry of a file has of its own, with its study of those of all."""
+    homes = list[Stored | None]()
+    with unmasked(path) as nc:
+        for number, body in enumerate(StoredBody.every(nc)):
+            if body is None:
+                homes.append(None)
+                continue
+            groups = {level: body.dataset(level) for level in body.levels}
+            own = None if study is None else study.variants[number].study
+            homes.append(Stored(path, "run", body.level_table(LEVEL_NUMBERS), groups, {}, own))
+    return tuple(homes)
 
 
 ROOM_FOR_DOUBLES = 300_000
