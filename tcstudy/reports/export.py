@@ -42,7 +42,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.bodies import unmasked
+from tcstudy.data.bodies import StoredBody, unmasked
 from tcstudy.data.files import WARNINGS, check_writable, kind_of, reading, remarks_of, replace_file
 from tcstudy.data.reading import by_point, load_root, open_root
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
@@ -58,7 +58,7 @@ from tcstudy.reports.picture import (
 from tcstudy.reports.rounding import stored_study
 from tcstudy.reports.select_point import (
     Value,
-    chosen_body,
+    chosen_geometry,
     labels_by_point,
     level_number,
     matching,
@@ -101,26 +101,30 @@ def write_fields(
         raise UsageError(
             f"--vtu: {path} is a file of tcstudy {kind} and has no fields; name that of a run"
         )
-    with reading(path), open_root(path) as root, unmasked(path) as nc:
-        n = level_number(root, level)
-        wanted = matching(root, point or {})
-        body = chosen_body(nc, root, wanted, f"--vtu: {path}", "--at ")
-        if body is None or n not in body.levels:
-            raise UsageError(
-                f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show"
-            )
-        study, labels = stored_study(body.about), labels_by_point(root)
-        units = {name: str(root[name].attrs.get("units", "1")) for name in labels}
-        solved = by_point(root["status"], root)[:, n] == PointStatus.OK
-        files: list[tuple[int, int, str, str]] = []
-        for own_point, i in enumerate(body.places):
-            if not (wanted[i] and solved[i]):
-                continue
-            scene = None if study is None else study.scenes[own_point]
-            labelled = [(name, values[i].item(), units[name]) for name, values in labels.items()]
-            group = body.dataset(n, body.cut(own_point))
-            files += _write_point(path.stem, folder, int(i), labelled, group, scene)
-        has_fields = "u_x" in body.group(n).variables
+    with reading(path):
+        with open_root(path) as root:
+            n = level_number(root, level)
+            wanted = matching(root, point or {})
+            geometry = chosen_geometry(root, wanted, f"--vtu: {path}", "--at ")
+            labels = labels_by_point(root)
+            units = {name: str(root[name].attrs.get("units", "1")) for name in labels}
+            solved = by_point(root["status"], root)[:, n] == PointStatus.OK
+        with unmasked(path) as nc:
+            body = StoredBody.of(nc, geometry) if geometry >= 0 else None
+            if body is None or n not in body.levels:
+                raise UsageError(
+                    f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show"
+                )
+            study = stored_study(body.about)
+            files: list[tuple[int, int, str, str]] = []
+            for own_point, i in enumerate(body.places):
+                if not (wanted[i] and solved[i]):
+                    continue
+                scene = None if study is None else study.scenes[own_point]
+                labelled = [(name, array[i].item(), units[name]) for name, array in labels.items()]
+                group = body.dataset(n, body.cut(own_point))
+                files += _write_point(path.stem, folder, int(i), labelled, group, scene)
+            has_fields = "u_x" in body.group(n).variables
         pvd = folder / f"{path.stem}.pvd"
         write_collection(pvd, files)
     lacks = []

@@ -216,38 +216,45 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
     Raises StoreError if `path` is not a complete result file, DrawError if it does not hold the
     point or the point was not solved.
     """
-    with open_root(path) as root, unmasked(path) as nc:
+    with open_root(path) as root:
         where = locate(root, point) if point else of_largest_slip(root)
         number = level_number(root, level)
         check_solved(root, where, number)
-        body, own_point = StoredBody.at(nc, _place(root, where))
+        place, words = _place(root, where), describe(root, where)
+        symbols = axis_symbols(root)
+        point_alone = root.isel({dim: [index] for dim, index in where.items()}).load()
+    with unmasked(path) as nc:
+        body, own_point = StoredBody.at(nc, place)
         study = stored_study(body.about)
         group = body.dataset(number, body.cut(own_point))
-        line = contact_line(group)
-        return Picture(
-            at=root.isel(where).isel(level=number).load(),
-            point=describe(root, where),
-            level=number,
-            line=_without_rounding(line, sizes, place, number),
-            body=body_fields(group, lambda theta: sizes.cleared("theta", theta, number, place)),
-            edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
-            sources=tuple(sources(study)),
-            held=np.append(group["held_u_T"].values if "held_u_T" in group else [], np.nan)[
-                ends_held(line, group)
-            ],
-            scene=study.scenes[own_point] if study is not None else None,
-        )
+    scene = None if study is None else study.scenes[own_point]
+    alone = None if study is None or scene is None else replace(study, scenes=(scene,))
+    sizes = floors(point_alone, alone)
+    line = contact_line(group)
+    held_u_T: Any = group["held_u_T"].values if "held_u_T" in group else []
+    return Picture(
+        at=point_alone.isel(dict.fromkeys(where, 0)).isel(level=number),
+        point=words,
+        level=number,
+        line=_without_rounding(line, sizes, number),
+        body=body_fields(group, lambda theta: sizes.cleared("theta", theta, number, 0)),
+        edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
+        sources=tuple(sources(study)),
+        held=np.append(held_u_T, np.nan)[ends_held(line, group)],
+        scene=scene,
+        symbols=symbols,
+    )
 
 
-def _without_rounding(line: LineFields, sizes: Floors, place: int, level: int) -> LineFields:
-    """Return the contact line with 0 in place of rounding."""
+def _without_rounding(line: LineFields, sizes: Floors, level: int) -> LineFields:
+    """Return the contact line of one point with 0 in place of rounding, whose sizes these are."""
     section = line.section
     if section:
-        section = sizes.cleared("section_force", section[0], level, place), section[1]
+        section = sizes.cleared("section_force", section[0], level, 0), section[1]
     return replace(
         line,
-        u_T=sizes.cleared("u_T", line.u_T, level, place),
-        xi=sizes.cleared("xi", line.xi, level, place),
+        u_T=sizes.cleared("u_T", line.u_T, level, 0),
+        xi=sizes.cleared("xi", line.xi, level, 0),
         section=section,
     )
 

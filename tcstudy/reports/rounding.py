@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.data.reading import by_point, of_largest
-from tcstudy.data.schema import PointStatus
+from tcstudy.data.schema import GEOMETRIES, PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.points import combinations
@@ -135,6 +135,10 @@ class Floors:
 
     by_kind: Mapping[str, Array]
 
+    def of_points(self, places: NDArray[np.intp]) -> Floors:
+        """Return the sizes of some points."""
+        return Floors({kind: sizes[places] for kind, sizes in self.by_kind.items()})
+
     def cleared(self, name: str, values: ArrayLike, level: int, place: Any = slice(None)) -> Array:
         """Return values (p, …) of a variable on one level without rounding.
 
@@ -148,14 +152,14 @@ class Floors:
         return cleared(values, own.reshape(own.shape + (1,) * (values.ndim - own.ndim)))
 
 
-def stored_study(data: Any, swept: bool = True) -> Study | None:
-    """The study of a result file (its root dataset); None if its text cannot be read (a body's file
-    may be gone).
+def stored_study(about: Mapping[str, Any], swept: bool = True) -> Study | None:
+    """Return the study of a result file, or of one of its geometries, by its global attributes;
+    None if its text cannot be read (a body's file may be gone).
 
     swept: with its points, of which each costs half a millisecond; else the one scene outside the
     sweep
     """
-    text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
+    text, overrides = str(about.get("study_yaml", "")), str(about.get("overrides", ""))
     told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
     try:
         return read_study_text(text, "study", told)
@@ -169,13 +173,22 @@ the scales."""
 
 
 def floors_of(data: Any) -> Floors:
-    """Return the sizes below which the numbers of a run's root dataset are rounding."""
-    swept = data["status"].isel(level=0).size <= MOST_SCENES
-    return floors(data, stored_study(data, swept))
+    """Return the sizes below which the numbers of a run's root dataset are rounding.
+
+    Of several geometries each takes 4 ms to read; their laws and loads have the scales of the scene
+    outside the sweep, their contact lines those of their meshes.
+    """
+    several = GEOMETRIES in data.attrs
+    swept = not several and data["status"].isel(level=0).size <= MOST_SCENES
+    study = stored_study(data.attrs, swept)
+    return floors(data, study, usual_lengths=several)
 
 
-def floors(data: Any, study: Study | None) -> Floors:
-    """Return the floors of a run's root dataset, whose study this is, None if it cannot be read."""
+def floors(data: Any, study: Study | None, usual_lengths: bool = False) -> Floors:
+    """Return the floors of a run's root dataset, whose study this is, None if it cannot be read.
+
+    usual_lengths: whether contact lines have the lengths that their meshes tell, not the study
+    """
     data = of_largest(data)
     solved = by_point(data["status"], data) == int(PointStatus.OK)
 
@@ -197,7 +210,8 @@ def floors(data: Any, study: Study | None) -> Floors:
     load = rounding / (np.sqrt(nodes) * np.finfo(float).eps)
     traction = law * np.maximum(rounding, SHARE * np.minimum(load, 1.0))
     usual_length = data["h_max"].values * nodes
-    length = np.where(np.isnan(scales["length"]), usual_length, scales["length"])
+    known = np.isfinite(scales["length"]) & (not usual_lengths)
+    length = np.where(known, scales["length"], usual_length)
     lambda_1 = flat("lambda_1")
     softest = np.where(lambda_1 > 0.0, lambda_1, np.inf)
     force = traction * length

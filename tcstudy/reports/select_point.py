@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.bodies import StoredBody, unmasked
 from tcstudy.data.files import kind_of, reading
-from tcstudy.data.reading import axis_names, by_point, open_root, sweep_dims
+from tcstudy.data.reading import axis_names, open_root, sweep_dims
 from tcstudy.data.schema import GEOMETRIES, PointStatus
 from tcstudy.errors import DrawError, UsageError, hint
 from tcstudy.reports.text import number, scaled_labels
@@ -20,7 +20,6 @@ from tcstudy.scene import units as u
 from tcstudy.scene.keys import symbol
 
 if TYPE_CHECKING:
-    import netCDF4
     import xarray
 
 Value = float | int | str | Sequence[float | int | str]
@@ -75,25 +74,25 @@ def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
     return fits.ravel()
 
 
-def chosen_body(
-    nc: netCDF4.Dataset, data: Any, wanted: NDArray[np.bool_], file: str, option: str = ""
-) -> StoredBody | None:
-    """Return the body of the wanted points of a file, None for a geometry without a mesh.
+def chosen_geometry(data: Any, wanted: NDArray[np.bool_], file: str, option: str = "") -> int:
+    """Return the number of the geometry of the wanted points, 0 in a file of one body, −1 for a
+    geometry without a mesh.
 
-    nc, data: the opened file and its root dataset;  file, option: how a message, and a label in it, begins
+    file, option: how a message, and a label in it, begins
     Raises UsageError where these points are of several geometries.
     """
     if GEOMETRIES not in data.attrs:
-        return StoredBody.of(nc)
-    numbers = by_point(data["geometry"], data)
-    chosen = np.unique(numbers[wanted])
+        return 0
+    numbers = data["geometry"].values
+    chosen = np.unique(numbers.ravel()[wanted])
     if len(chosen) == 1:
-        return StoredBody.of(nc, int(chosen[0])) if chosen[0] >= 0 else None
-    place = int(np.argmax(wanted & (numbers >= 0)))
-    body, _ = StoredBody.at(nc, place)
+        return int(chosen[0])
+    place = int(np.argmax(wanted & (numbers.ravel() >= 0)))
+    dims = data["geometry"].dims
+    makes = {d for i, d in enumerate(dims) if (numbers != numbers.take([0], axis=i)).any()}
     example = list[str]()
     for name, labels in labels_by_point(data).items():
-        if name not in body.dims:
+        if data[name].dims[0] in makes:
             label = labels[place]
             example.append(f"{option}{name}={label if isinstance(label, str) else f'{label:.6g}'}")
     raise UsageError(
@@ -106,14 +105,16 @@ def load_geometry(path: Path, point: Mapping[str, Value], level: int) -> xarray.
     """Return what `tcstudy.open_geometry` does."""
     if (kind := kind_of(path)) != "run":
         raise UsageError(f"{path} is a file of tcstudy {kind}; name that of a run")
-    with reading(path), open_root(path) as data, unmasked(path) as nc:
-        number = level_number(data, level)
-        body = chosen_body(nc, data, matching(data, point), str(path))
-        if body is None or number not in body.levels:
-            raise DrawError(
-                f"{path} has no mesh of level {number} of this geometry; see tcstudy show"
-            )
-        return body.dataset(number).assign_coords(body.coordinates()).assign_attrs(body.about)
+    with reading(path):
+        with open_root(path) as data:
+            number = level_number(data, level)
+            geometry = chosen_geometry(data, matching(data, point), str(path))
+        with unmasked(path) as nc:
+            body = StoredBody.of(nc, geometry) if geometry >= 0 else None
+            if body is None or number not in body.levels:
+                what = f"{path} has no mesh of level {number} of this geometry"
+                raise DrawError(f"{what}; see the reasons with: tcstudy show")
+            return body.dataset(number).assign_coords(body.coordinates()).assign_attrs(body.about)
 
 
 def parameter(data: Any, given: str) -> str:

@@ -271,7 +271,7 @@ def test_geometries_are_named_by_labels(tmp_path: Path) -> None:
         tcstudy.open_geometry(file, E=70e9)
     with pytest.raises(DrawError, match="has no mesh of level 1 of this geometry"):
         tcstudy.open_geometry(file, height="10 mm")
-    with pytest.raises(UsageError, match=r"--vtu: .*for example --at height=0.02"):
+    with pytest.raises(UsageError, match=r"vtu: .*for example at height=0.02"):
         tcstudy.export(file, "vtu", tmp_path / "all")
     assert not (tmp_path / "all").exists()
     tcstudy.export(file, "vtu", tmp_path / "one", at={"height": 0.02})

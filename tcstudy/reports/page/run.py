@@ -72,6 +72,7 @@ class Stored:
     swept:  whether it has the scenes of all points
     homes:  what each geometry has of its own, None for one without a mesh; empty where all points share one
     kept:   which points of the file these are, in its order, None for all;  points: how many the file has
+    own_floors: of a geometry its part of the floors of the whole file
     """
 
     path: Path
@@ -84,10 +85,13 @@ class Stored:
     swept: bool = True
     kept: NDArray[np.intp] | None = None
     points: int = 0
+    own_floors: Floors | None = None
 
     @cached_property
     def floors(self) -> Floors:
         """Sizes below which the numbers of a run's points are rounding; none of other files."""
+        if self.own_floors is not None:
+            return self.own_floors
         return floors(self.data, self.study) if self.kind == "run" else Floors({})
 
     @property
@@ -120,12 +124,13 @@ def read(path: Path, whole: bool = False) -> Stored:
         )
         study = stored_study(data.attrs, swept)
         groups, live = _levels(tree, steps)
-        homes = _homes(path, study) if GEOMETRIES in data.attrs else ()
-        found = Stored(path, kind, data, groups, live, study, homes, swept)
+        found = Stored(path, kind, data, groups, live, study, swept=swept)
         if steps:
             shape = [int(root.sizes[dim]) for dim in sweep_dims(root)]
             numbers = np.arange(np.prod(shape)).reshape(shape)
             found = replace(found, kept=numbers[tuple(steps.values())].ravel(), points=numbers.size)
+    if GEOMETRIES in data.attrs:
+        found = replace(found, homes=_homes(found))
     return found
 
 
@@ -164,9 +169,9 @@ def _levels(
     return groups, live
 
 
-def _homes(path: Path, study: Study | None) -> tuple[Stored | None, ...]:
+def _homes(whole: Stored) -> tuple[Stored | None, ...]:
     """Return what each geometry of a file has of its own, with its study of those of all."""
-    homes = list[Stored | None]()
+    homes, path, study = list[Stored | None](), whole.path, whole.study
     with unmasked(path) as nc:
         for number, body in enumerate(StoredBody.every(nc)):
             if body is None:
@@ -174,7 +179,8 @@ def _homes(path: Path, study: Study | None) -> tuple[Stored | None, ...]:
                 continue
             groups = {level: body.dataset(level) for level in body.levels}
             own = None if study is None else study.variants[number].study
-            homes.append(Stored(path, "run", body.level_table(LEVEL_NUMBERS), groups, {}, own))
+            table, sizes = body.level_table(LEVEL_NUMBERS), whole.floors.of_points(body.places)
+            homes.append(Stored(path, "run", table, groups, {}, own, own_floors=sizes))
     return tuple(homes)
 
 
