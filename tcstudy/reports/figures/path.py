@@ -288,7 +288,9 @@ def loop_names(data: Any, x: str | None = None, y: str | None = None) -> tuple[s
     ]
     for name in names:
         if name not in held:
-            raise DrawError(f"the history has no number {name!r} by step; it has {', '.join(held)}")
+            is_there = name in data.variables
+            lack = f"{name!r} is not one number a step" if is_there else f"there is no {name!r}"
+            raise DrawError(f"history: {lack}; choose of {', '.join(held)}")
     return names
 
 

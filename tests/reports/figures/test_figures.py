@@ -266,7 +266,8 @@ def test_sizes() -> None:
         ("block", {"along": "0, a: 1, 1"}, "is no line"),
         ("block", {"along": "1, 1: 2, 2"}, "no point of this line"),
         ("path", {"y": "slip"}, "use one of mean-slip"),
-        ("history", {"y": "u_X"}, "has no number"),
+        ("history", {"y": "u_X"}, "history: there is no 'u_X'; choose of"),
+        ("history", {"y": "u_T"}, "history: 'u_T' is not one number a step; choose of"),
         ("history", {"at": {"alpha": 1}}, "no swept parameter 'alpha'"),
     ],
 )
