@@ -27,7 +27,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
-from tcstudy.errors import hint, nearest
+from tcstudy.errors import hint, nearest, shortened
 from tcstudy.expressions import expression as expressions
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, parse
 from tcstudy.read.document import Collector, Node
@@ -327,7 +327,12 @@ class Context:
             self.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
         for name, item in node.children.items() if named else ():
             if not is_name(name):
-                self.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
+                self.at(
+                    item,
+                    f"{shortened(name)!r} is not a name",
+                    f"use at most {MAX_NAME} letters, digits and _",
+                    on_key=True,
+                )
         return dict(node.children)
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
@@ -425,7 +430,7 @@ class Context:
                 if isinstance(node.value, str) and is_name(node.value):
                     return node.value
                 what = f"must be an edge name of letters, digits and _, but is {node.kind()}"
-                self.at(node, what, "use letters, digits and _")
+                self.at(node, what, f"use at most {MAX_NAME} letters, digits and _")
                 return ""
             case "text":
                 return self.text(node, f"a {row.name}" if row.name == "path" else "a text")
@@ -577,7 +582,7 @@ def read_parameters(
     for name, item in given.items():
         fault = _name_fault(name)
         if fault:
-            ctx.at(item, fault, "use letters, digits and _", on_key=True)
+            ctx.at(item, fault, f"use at most {MAX_NAME} letters, digits and _", on_key=True)
     inner = replace(ctx, named={**known})
     for name in _reading_order(ctx, given):
         before = len(ctx.errors)

@@ -152,6 +152,8 @@ def _one_body(
     fit = (
         read_fit(ctx, reader, mesh, history) if not ctx.errors.problems and root.at("fit") else None
     )
+    if ctx.errors.problems:
+        _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (output and output.live):
         check_together(ctx, reader, mesh, solver, output, exact)
     scenes = reader.scenes
@@ -170,6 +172,19 @@ def _one_body(
         "history": history,
     }
     return Study(**header | sweep_said | plans, fit=fit, scenes=scenes, units=ctx.units)
+
+
+def _check_keys(ctx: Context, root: Node, names: Iterable[str]) -> None:
+    """Record what is wrong with sections that need a scene by their keys alone, and by values that
+    need none; what their readers recorded is not repeated."""
+    for name in names:
+        if (node := root.at(name)) is not None:
+            plain = [key for key, one in rows(name).items() if one.kind in PLAIN_KINDS]
+            Fields(ctx, node, name).given(plain)
+
+
+PLAIN_KINDS = ("integer", "choice", "flag")
+"""Kinds of keys whose values are judged by themselves."""
 
 
 def geometric(root: Node, sweep: Sweep) -> list[int]:

@@ -79,6 +79,13 @@ def test_faults_are_reported_at_once_sorted_by_line() -> None:
     ]
 
 
+def test_faults_of_the_scene_do_not_hide_those_of_a_fit() -> None:
+    text = changed("nu: 0.3", "nu: 0.7", BASE[: BASE.index("sweep:")])
+    keys = [line.split(": ")[1] for line in problems(f"{text}fit: {{start: 3, seed: x}}\n")]
+    assert keys[0] == "material.nu"
+    assert {"fit.start", "fit.seed"} <= {*keys}
+
+
 def test_faults_of_names_hide_no_others() -> None:
     """What uses a name with a fault is left unread; all else is judged."""
     text = changed("radius: 0.2", "radius: 2*r", changed("nu: 0.3", "nu: 0.7"))
