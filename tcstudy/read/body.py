@@ -396,7 +396,10 @@ def check_contact_nodes(
                 f"the contact edge {edge.name} of {length:g}{unit} would be one element between "
                 "corners that are held, without a free node"
             )
-            remedy = f"choose a smaller maxh, for example {0.5 * length:.2g}{unit}"
+            remedy = (
+                f"choose a smaller maxh, for example {0.5 * length:.2g}{unit}, or draw short edges "
+                "that stand for a curve as arcs with through"
+            )
             node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
             key = "mesh.maxh" if ctx.errors.refused is not None else node.path
             ctx.errors.unfit(node, key, what, remedy)

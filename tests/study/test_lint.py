@@ -20,7 +20,7 @@ body: {BODY}
 boundary: {a: contact, c: {role: clamped, u_x: 0.1, u_y: 0}, b: free, d: free, h: free}
 material: {E: 1, nu: 0.3}
 friction: {law: tresca, tau: 0.001}
-mesh: {maxh: 0.3}
+mesh: {maxh: 0.15}
 """
 SI = """\
 body: {rectangle: {width: 2, height: 1}}
