@@ -172,7 +172,7 @@ def windows(scene: int, levels: list[LevelResults]) -> Iterator[Judged]:
 
 def main() -> None:
     """Print a row for each result and number of levels."""
-    asked = options(__doc__, "count=80", seed=12, seconds=600.0)
+    asked = options(__doc__, "count=65", seed=12, seconds=600.0)
     begun, judged = time.perf_counter(), list[Judged]()
     warnings.simplefilter("ignore")
     with threadpool_limits(1, user_api="blas"):

@@ -294,7 +294,9 @@ class _Rows:
         notes = (CERTIFIED, FAILED) if "failed" in proofs else (CERTIFIED,)
         columns.append(TextColumn("certified", proofs, 1, notes))
         if self.data.sizes["level"] > 1:
-            columns.append(self._change())
+            # equilibrium may fix ∫ξ, but not the slip
+            columns.append(self._change("u_T_max", "Δmax |u_T| to last level", 5))
+            columns.append(self._change("friction_resultant", "Δ∫ξ to last level", 4))
         return columns
 
     def _equilibria(self) -> list[str]:
@@ -305,14 +307,14 @@ class _Rows:
             words.append(sentences.equilibria(*count) if solved else "–")
         return words
 
-    def _change(self) -> TextColumn:
-        """Return the column of what the last level changed in ∫ξ, in the unit of ∫ξ."""
-        resultant = self.values("friction_resultant")
-        change = np.abs(resultant - self.values("friction_resultant", -2))
+    def _change(self, name: str, title: str, rank: int) -> TextColumn:
+        """Return the column of what the last level changed in a number, in the unit of that
+        number."""
+        last = self.values(name)
+        change = np.abs(last - self.values(name, -2))
         change = np.where(self.solved, change, np.nan)
-        units = self.fine["friction_resultant"].attrs["units"]
-        like = resultant[self.solved]
-        return quantity("Δ∫ξ to last level", change, units, 2, 4, like)
+        units = self.fine[name].attrs["units"]
+        return quantity(title, change, units, 2, rank, last[self.solved])
 
     def transposed(self, labels: Sequence[TextColumn], names: Sequence[str]) -> Table:
         """Return the table of a few points with one row per number, in a unit of its own."""

@@ -77,8 +77,8 @@ def test_what_failed_is_marked_in_its_row(tmp_path: Path) -> None:
     good = [replace(point(i, n), numbers={"energy": 2.0}) for i in range(3) for n in range(2)]
     bad = replace(missed(1, 1, "3e-09"), numbers={"energy": 7.0})
     rows = [line.split() for line in said(tmp_path, *good, bad).splitlines()]
-    assert ["2", "(7)", "failed", "–"] in rows
-    assert ["1", "2", "nothing", "–"] in rows
+    assert ["2", "(7)", "failed", "–", "–"] in rows
+    assert ["1", "2", "nothing", "–", "–"] in rows
 
 
 def test_solvers_side_by_side(tmp_path: Path) -> None:
