@@ -86,6 +86,7 @@ ASKED = (
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind, or the scene of a study."""
     from tcstudy.data.files import tell_stored
+    from tcstudy.reports.figures.draw import pair_of
 
     target, asked = (
         options.picture,
@@ -97,6 +98,8 @@ def draw(options: argparse.Namespace) -> int:
         what = "--set: a result file keeps its study; leave it out"
         fail(what if options.overrides else "PICTURE: name a .png, .svg or .pdf file")
     try:
+        if options.map is not None:
+            asked["map"] = pair_of(options.map)
         words = picture(
             options.file, target, options.overrides, at=point_of(options) or None, **asked
         )

@@ -514,7 +514,8 @@ def _with_room(columns: Sequence[TextColumn]) -> tuple[list[TextColumn], list[st
 
 
 def _hidden_line(hidden: Sequence[str]) -> list[str]:
-    return [wrapped(f"  hidden columns: {', '.join(hidden)} (show with -v)")] if hidden else []
+    names = ", ".join(dict.fromkeys(hidden))
+    return [wrapped(f"  hidden columns: {names} (show with -v)")] if hidden else []
 
 
 def fits(columns: Sequence[TextColumn]) -> bool:
