@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 Cube = NDArray[np.float64]
 
+SOBOL = "sobol"
 SALTELLI = "saltelli"
-DESIGNS = ("random", "latin-hypercube", "sobol", SALTELLI)
+DESIGNS = ("random", "latin-hypercube", SOBOL, SALTELLI)
 """Modes of a sweep whose points are drawn."""
 LEAST = 2.0**-54
 """In place of 0, where a distribution may have no finite value; no generator tells the two
@@ -48,7 +49,7 @@ class Design:
         drawn = "base points" if self.mode == SALTELLI else "points"
         said = f"{self.points} {drawn} drawn by {self.mode}, seed {self.seed}: a longer design begins with them"
         power = 2 ** math.ceil(math.log2(self.points))
-        if self.mode in ("sobol", SALTELLI) and power != self.points:
+        if self.mode in (SOBOL, SALTELLI) and power != self.points:
             return f"{said}; a Sobol sequence is balanced at powers of two only: {power} points cover evenly"
         return (
             f"{said} if it has 2, 4, 8 … times as many" if self.mode == "latin-hypercube" else said
@@ -72,7 +73,7 @@ def cube(design: Design, d: int) -> Cube:
         u = rng.random((n, d))
     elif design.mode == "latin-hypercube":
         u = _latin_hypercube(n, d, design.seed)
-    elif design.mode == "sobol":
+    elif design.mode == SOBOL:
         u = _sobol(n, d, rng)
     else:
         both = _sobol(n, 2 * d, rng)

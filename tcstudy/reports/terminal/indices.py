@@ -1,18 +1,14 @@
-"""Sobol indices of a design, as `tcstudy show` has them: which parameter a number, or its side of a
-gap, comes from.
+"""Sobol indices of drawn points, as `tcstudy show` prints them: which parameter a result, or its side
+of a gap, comes from.
 
-Y = f(X₁, …, X_d) with independent X_i.  First order S_i = Var(E[Y|X_i])/Var(Y), total T_i = E[Var(Y|X_~i)]/Var(Y), by
-the estimators (b) and (f) of Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2. They are those of
-scipy.stats.sobol_indices, which takes neither a number of rows that is no power of two nor rows left out.
-Of points drawn otherwise the correlation ratio Var(E[Y|X_i])/Var(Y) is estimated, which means what it says where the
-X_i are not independent, too. Where Y jumps, a mean over both sides is a value that no point has: there the side itself
-has indices.
+The numbers come from `accuracy.indices`. Where Y jumps, a mean over both sides is a value that no
+point has: there the side itself has indices.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,186 +16,224 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.accuracy.indices.first_order import LEVEL, ROUNDING, Estimate, first_order
+from tcstudy.accuracy.indices.saltelli import saltelli_indices
 from tcstudy.data.files import reading
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import UsageError, hint
 from tcstudy.reports.text import TextColumn, columns_table, number, wrapped
-from tcstudy.scene.designs import SALTELLI
+from tcstudy.scene.designs import SALTELLI, SOBOL
 
 Array = NDArray[np.float64]
-Estimate = Array
-"""(3, d) values and the ends of their confidence intervals."""
-RESAMPLES, LEVEL = 1000, 0.95
-"""Bootstrap resamples of rows, and the confidence of their intervals."""
-ROUNDING = 1e-9
-"""Differences of values, relative to the largest, that solutions do not tell apart."""
+Flags = NDArray[np.bool_]
 ORDERS = ("first order", "total")
+CONFIDENCE = f"{LEVEL:.0%} confidence intervals"
+CORRELATED = 4.0
+"""Standard deviations of the rank correlation of independent parameters from which they depend."""
 
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """What a design says of a number: sentences before the table, its caption, and estimates (3, d)
-    by heading."""
+    """The indices of a result.
+
+    names:     of the parameters
+    notes:     sentences that stand before the table
+    caption:   of the table
+    estimates: of every parameter, by the order of the index
+    """
 
     names: tuple[str, ...]
-    said: list[str]
+    notes: list[str]
     caption: str
-    estimates: dict[str, Estimate]
+    estimates: dict[str, list[Estimate]]
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """The drawn points of a file with one result on the finest level.
+
+    names:      of the d parameters;  is_named: (d,) those that are a choice
+    x:          (n, r, d) their values, of a choice its number; r points for each base point
+    f:          (n, r) the result, NaN without a solution
+    mode:       of the design
+    unit:       of the result, "" without one
+    resolution: steps in which the result comes by itself
+    is_unique:  whether every solution is certified to be the only one
+    """
+
+    names: tuple[str, ...]
+    is_named: tuple[bool, ...]
+    x: Array
+    f: Array
+    mode: str
+    unit: str
+    resolution: float
+    is_unique: bool
+
+    @property
+    def is_whole(self) -> Flags:
+        """(n,) base points with the result at all their points."""
+        return np.asarray(np.isfinite(self.f).all(axis=1))
 
 
 def indices(file: Path, of: str) -> SobolIndices:
-    """The indices of a number at the points of a design, on the finest level; points without a
-    solution are left out.
+    """Return the indices of a result at the points of a design, on the finest level.
 
-    Raises UsageError where there is no such number, or too few points have it.
+    Points without a solution are left out. Raises UsageError where there is no such result, or too
+    few points have it.
     """
+    sample = _read_sample(file, of)
+    is_whole, points_per_base = sample.is_whole, sample.f.shape[1]
+    if np.count_nonzero(is_whole) < 2:
+        raise UsageError(f"{of} has no whole rows of the design: too few points have this number")
+    f, x = sample.f[is_whole], sample.x[is_whole]
+    notes = [f"{f.size} points of {len(f)} base points, {CONFIDENCE} by resampling them"]
+    if points_per_base == 1:
+        remedy = f"totals need points of their own (mode: {SALTELLI})"
+        notes = [f"{f.size} points, {CONFIDENCE}; {remedy}"]
+    if lost := int(np.count_nonzero(~is_whole)):
+        which = "base points with a point that has" if points_per_base > 1 else "points with"
+        notes.append(f"left out: {lost} {which} no solution or no {of}")
+
+    caption = f"Indices of {of}"
+    gap = None
+    if sample.is_unique:
+        notes.append("one side: every solution is certified to be the only one")
+    else:
+        gap = jump(f[:, :2].ravel(), sample.resolution, f[:, 2:].ravel())
+        notes.append(_gap_note(gap, f[:, :2], of, sample.unit))
+    if gap is not None:
+        f = (f > (gap[0] + gap[1]) / 2.0).astype(float)
+        caption = "Indices of the side on which a point lies"
+
+    if points_per_base > 1:
+        estimates = dict(zip(ORDERS, saltelli_indices(f), strict=True))
+    else:
+        x = x[:, 0]
+        estimates = {
+            ORDERS[0]: first_order(x, f[:, 0], sample.is_named, balanced=sample.mode == SOBOL)
+        }
+        notes += _correlation_notes(sample.names, sample.is_named, x)
+    for order in estimates.values():
+        notes += _reason_notes(sample.names, order)
+    return SobolIndices(sample.names, list(dict.fromkeys(notes)), caption, estimates)
+
+
+def _read_sample(file: Path, of: str) -> Sample:
+    """Read the drawn points of a file and one result; raise UsageError if it does not have it."""
     with reading(file), netCDF4.Dataset(file) as nc:
-        drawn = {name: one for name, one in nc.variables.items() if "distribution" in one.ncattrs()}
-        known = [
+        drawn = {name: v for name, v in nc.variables.items() if "distribution" in v.ncattrs()}
+        results = [
             name
             for name, v in nc.variables.items()
             if v.dimensions == ("point", "level") and v.dtype == "f8"
         ]
-        if of not in known:
-            remedy = hint(of, known, f"choose of {', '.join(known)}")
+        if of not in results:
+            remedy = hint(of, results, f"choose of {', '.join(results)}")
             is_there = of in nc.variables
             lack = f"{of!r} is not one real number" if is_there else f"it has no number {of!r}"
             raise UsageError(f"{file}: {lack} at its points; {remedy}")
         level = nc.dimensions["level"].size - 1
-        ok, group = nc["status"][:, level] == PointStatus.OK, nc.groups.get(f"level_{level}")
-        # (n, r, d) values of the parameters, of a choice its number, and (n, r) the number: r
-        # points a base point
-        rows = len(drawn) + 2 if nc.getncattr("design_mode") == SALTELLI else 1
-        values = [
-            np.unique(one[:], return_inverse=True)[1] if one.dtype is str else one[:]
-            for one in drawn.values()
-        ]
-        x = np.column_stack(values).astype(float).reshape(-1, rows, len(drawn))
-        f = np.where(ok, np.ma.filled(nc[of][:, level].astype(float), np.nan), np.nan).reshape(
-            -1, rows
+        is_solved = nc["status"][:, level] == PointStatus.OK
+        mode = nc.getncattr("design_mode")
+        points_per_base = len(drawn) + 2 if mode == SALTELLI else 1
+        columns = [_numbered(variable[:]) for variable in drawn.values()]
+        f = np.ma.filled(nc[of][:, level].astype(float), np.nan)
+        f = np.where(is_solved, f, np.nan)
+        group = nc.groups.get(f"level_{level}")
+        resolution = 0.0
+        if of == "slip_length" and group is not None:
+            resolution = float(np.max(group["c"][:]))
+        return Sample(
+            names=tuple(drawn),
+            is_named=tuple(v.distribution.startswith("choice") for v in drawn.values()),
+            x=np.column_stack(columns).astype(float).reshape(-1, points_per_base, len(drawn)),
+            f=f.reshape(-1, points_per_base),
+            mode=mode,
+            unit=f" {nc[of].units}" if nc[of].units != "1" else "",
+            resolution=resolution,
+            is_unique=bool(np.all(nc["unique"][:, level][is_solved] == 1)),
         )
-        named = tuple(one.distribution.startswith("choice") for one in drawn.values())
-        names, units = tuple(drawn), f" {nc[of].units}" if nc[of].units != "1" else ""
-        step = float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0
-        proved = bool(np.all(nc["unique"][:, level][ok] == 1))
-    whole = np.isfinite(f).all(axis=1)
-    if np.count_nonzero(whole) < 2:
-        raise UsageError(f"{of} has no whole rows of the design: too few points have this number")
-    f, x = f[whole], x[whole]
-    confidence = f"{f'{LEVEL:.0%}'} confidence by resampling them"
-    said = [f"{f.size} points of {len(f)} base points, {confidence}"]
-    if rows == 1:
-        said = [
-            f"{f.size} points, {confidence}; totals need points of their own (mode: {SALTELLI})"
-        ]
-    if lost := int(np.count_nonzero(~whole)):
-        which = "base points with a point that has" if rows > 1 else "points with"
-        said.append(f"left out: {lost} {which} no solution or no {of}")
 
-    gap = None if proved else jump(f[:, :2].ravel(), step, f[:, 2:].ravel())
-    caption = f"Indices of {of}"
+
+def _numbered(values: Any) -> Any:
+    """Return the values of a parameter, those of a choice by their numbers."""
+    values = np.asarray(values)
+    is_text = values.dtype.kind in "OUS"
+    return np.unique(values, return_inverse=True)[1] if is_text else values
+
+
+def _gap_note(gap: tuple[float, float] | None, f: Array, of: str, unit: str) -> str:
+    """Return the sentence that says which share of independent results f lies on which side."""
     if gap is None:
-        why = (
-            "every solution is certified to be the only one"
-            if proved
-            else "no gap among the values"
-        )
-        said.append(f"one side: {why}")
-    else:
-        f, caption = (
-            (f > (gap[0] + gap[1]) / 2.0).astype(float),
-            "Indices of the side on which a point lies",
-        )
-        share = f[:, :2].mean()
-        said.append(
-            f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
-            f"{number(gap[1])}{units} or above, none between; a mean over both sides is a value that no point has"
-        )
-    orders = sobol(f) if rows > 1 else [correlation_ratios(x[:, 0], f[:, 0], named)]
-    return SobolIndices(names, said, caption, dict(zip(ORDERS, orders, strict=False)))
+        return "one side: no gap among the values"
+    share = float(np.mean(f > (gap[0] + gap[1]) / 2.0))
+    return (
+        f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{unit} or below, "
+        f"{share:.1%} at {number(gap[1])}{unit} or above, none between; a mean over both sides is "
+        "a value that no point has"
+    )
+
+
+def _correlation_notes(names: tuple[str, ...], is_named: tuple[bool, ...], x: Array) -> list[str]:
+    """Return a sentence if two parameters of x (N, d) depend on each other more than by chance."""
+    columns = [i for i in range(len(names)) if not is_named[i] and np.ptp(x[:, i]) > 0.0]
+    if len(columns) < 2:
+        return []
+    ranks = np.argsort(np.argsort(x[:, columns], axis=0, kind="stable"), axis=0, kind="stable")
+    correlation = np.asarray(np.corrcoef(ranks.T))
+    upper = np.triu(np.abs(correlation), 1)
+    i, j = np.unravel_index(int(np.argmax(upper)), upper.shape)
+    if upper[i, j] <= CORRELATED / len(x) ** 0.5:
+        return []
+    pair = f"{names[columns[i]]} and {names[columns[j]]}"
+    return [
+        f"{pair} depend on each other (rank correlation {correlation[i, j]:.2f}): the index of a "
+        "parameter contains what comes along with it, and the sum may pass 1"
+    ]
+
+
+def _reason_notes(names: tuple[str, ...], estimates: list[Estimate]) -> list[str]:
+    """Return a sentence for each reason why indices have no interval."""
+    by_reason: dict[str, list[str]] = {}
+    for name, estimate in zip(names, estimates, strict=True):
+        if estimate.reason:
+            by_reason.setdefault(estimate.reason, []).append(name)
+    return [f"no interval of {', '.join(group)}: {why}" for why, group in by_reason.items()]
 
 
 def indices_text(file: Path, of: str) -> str:
-    """The table of all indices, as text."""
-    found = indices(file, of)
-    cells = [("parameter", list(found.names))]
-    for heading, (value, low, high) in found.estimates.items():
-        cells.append((heading, [f"{v:.3f}" for v in value]))
-        cells.append(("from … to", [f"{a:.3f} … {b:.3f}" for a, b in zip(low, high, strict=True)]))
-    table = columns_table([TextColumn(*one, rank) for rank, one in enumerate(cells)])
-    return wrapped(
-        "\n".join([*(f"  {line}" for line in found.said), "", f"  {found.caption}:", "", table])
-    )
+    """Return the table of all indices as text."""
+    result = indices(file, of)
+    columns = [("parameter", list(result.names))]
+    for heading, estimates in result.estimates.items():
+        columns.append((heading, [_decimals(estimate.value) for estimate in estimates]))
+        columns.append((f"{LEVEL:.0%} interval", [_interval(estimate) for estimate in estimates]))
+    text_columns = [TextColumn(*column, rank) for rank, column in enumerate(columns)]
+    notes = [f"  {note}" for note in result.notes]
+    lines = [*notes, "", f"  {result.caption}:", "", columns_table(text_columns)]
+    return wrapped("\n".join(lines))
+
+
+def _decimals(share: float) -> str:
+    return f"{share:.3f}" if math.isfinite(share) else "–"
+
+
+def _interval(estimate: Estimate) -> str:
+    if not math.isfinite(estimate.low):
+        return "–"
+    return f"{_decimals(estimate.low)} … {_decimals(estimate.high)}"
 
 
 def indices_json(file: Path, of: str) -> dict[str, Any]:
-    """The same, not rounded."""
-    found = indices(file, of)
-    table: dict[str, Any] = {"caption": found.caption}
-    for heading, estimate in found.estimates.items():
-        rows = (
-            dict(zip(("value", "low", "high"), one, strict=True)) for one in estimate.T.tolist()
-        )
-        table[heading] = dict(zip(found.names, rows, strict=True))
-    return {"of": of, "said": found.said, "tables": [table]}
-
-
-def sobol(f: Array, seed: int = 0) -> list[Estimate]:
-    """First-order and total indices of (n, d + 2) values at A, B and the d mixtures, n ≥ 2; 0 if
-    nothing varies."""
-    n = len(f)
-    least = (ROUNDING * np.abs(f).max()) ** 2
-    f = f - f[:, :2].mean()
-    A, B, AB = f[:, 0], f[:, 1], f[:, 2:]
-    terms = np.column_stack(
-        [A + B, A**2 + B**2, B[:, None] * (AB - A[:, None]), (A[:, None] - AB) ** 2]
-    )
-    weights = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), RESAMPLES)
-    means = np.vstack([np.ones(n), weights]) @ terms / n
-    variance = means[:, 1:2] / 2.0 - (means[:, :1] / 2.0) ** 2
-    d = AB.shape[1]
-    ratios = np.divide(
-        means[:, 2:], variance, out=np.zeros_like(means[:, 2:]), where=variance > least
-    )
-    return [_estimate(ratios[:, :d]), _estimate(ratios[:, d:] / 2.0)]
-
-
-def correlation_ratios(x: Array, y: Array, named: tuple[bool, ...] = (), seed: int = 0) -> Estimate:
-    """Var(E[y|x_i])/Var(y) from (N, d) inputs and (N,) values, in ½√N classes of equally many
-    points each.
-
-    Of independent inputs, however they were drawn, it is the first-order index. named: (d,) inputs
-    with a class a value
-
-    The share that N points in that many classes have by chance alone is taken off: 1 − (1 − η²)(N −
-    1)/(N − classes).
-    """
-    rng, N = np.random.default_rng(seed), len(y)
-    samples = [np.arange(N), *(rng.integers(0, N, (RESAMPLES // 10, N)))]
-    named = named or (False,) * x.shape[1]
-    return _estimate(
-        np.array(
-            [[_ratio(x[one, i], y[one], own) for i, own in enumerate(named)] for one in samples]
-        )
-    )
-
-
-def _ratio(x: Array, y: Array, named: bool) -> float:
-    N = len(y)
-    parts = np.array_split(y[np.argsort(x, kind="stable")], max(2, math.isqrt(N) // 2))
-    if named:
-        parts = [y[x == value] for value in np.unique(x)]
-    classes = len(parts)
-    within = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
-    whole = float(((y - y.mean()) ** 2).sum())
-    flat = whole <= N * (ROUNDING * float(np.abs(y).max())) ** 2
-    return 0.0 if flat or classes >= N else max(0.0, 1.0 - within / whole * (N - 1) / (N - classes))
-
-
-def _estimate(samples: Array) -> Estimate:
-    return np.vstack(
-        [samples[:1], np.quantile(samples[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)]
-    )
+    """Return the same with all digits; `reason` says why an index has no interval."""
+    result = indices(file, of)
+    table: dict[str, Any] = {"caption": result.caption}
+    for heading, estimates in result.estimates.items():
+        table[heading] = {
+            name: asdict(estimate) for name, estimate in zip(result.names, estimates, strict=True)
+        }
+    return {"of": of, "said": result.notes, "tables": [table]}
 
 
 def jump(
