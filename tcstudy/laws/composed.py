@@ -376,16 +376,16 @@ def piecewise_linear(law: Laws, tolerance: float, s_max: float) -> Laws:
     (Chebyshev): √2 times fewer sides than chords. Kinks of the law are kept bitwise with the values
     there, and so is
     an odd law's symmetry.
-    Raises ValueError for a tolerance or s_max that is not positive, and GrowthError if the part
-    that is cut off is
-    what satisfied (15).
+    Laws without exponential pieces are returned as they are, whatever the tolerance and s_max; a
+    body that cannot slip has s_max = 0. Raises ValueError for a tolerance that is not positive or
+    an s_max that is negative, and GrowthError if the part that is cut off is what satisfied (15).
     """
-    if not (tolerance > 0.0 and s_max > 0.0 and np.isfinite(s_max)):
-        raise ValueError(
-            f"tolerance and s_max must be positive and finite, not {tolerance:g} and {s_max:g}"
-        )
     if law.piecewise_linear:
         return law
+    if not tolerance > 0.0:
+        raise ValueError(f"tolerance must be positive, not {tolerance:g}")
+    if not 0.0 <= s_max < np.inf:
+        raise ValueError(f"s_max must be finite and not negative, not {s_max:g}")
     result = _polygon(law, tolerance * law.b_scale, s_max)
     result.check_growth()
     return result

@@ -110,3 +110,11 @@ def test_the_door_refuses_limits_that_leave_nothing_to_do() -> None:
         tcstudy.all_solutions(problem, max_boxes=0)
     with pytest.raises(tcstudy.ProblemError, match="law_error = 0"):
         tcstudy.all_solutions(problem, law_error=0.0)
+
+
+def test_without_a_load_an_exponential_law_has_the_solution_at_rest() -> None:
+    A, c = half_laplacian(4, 0.25)
+    problem = ContactProblem(A, np.zeros(4), c, tcstudy.law("exponential", a=1.0, b=0.5, delta=9.0))
+    equilibria = all_solutions(problem)
+    assert equilibria.complete, equilibria.reason
+    np.testing.assert_array_equal(equilibria.v, np.zeros((1, 4)))

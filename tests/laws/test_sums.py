@@ -91,6 +91,16 @@ def test_chords_of_two_exponentials_miss_them_by_the_tolerance_at_most() -> None
     )
 
 
+def test_a_law_without_exponentials_and_a_body_without_slip_have_chords() -> None:
+    """Beside an exponential law there may be one with the kink 0 alone, and no load at all."""
+    tresca = law("tresca", tau=0.05)
+    assert piecewise_linear(tresca, 1e-4, 0.0) is tresca
+    at_rest = piecewise_linear(TWO, 1e-3, 0.0)
+    np.testing.assert_array_equal(at_rest.interval(0.0), TWO.interval(0.0))
+    with pytest.raises(ValueError, match="s_max must be finite and not negative, not inf"):
+        piecewise_linear(TWO, 1e-3, np.inf)
+
+
 def test_bounds_hold_for_two_exponentials() -> None:
     """Of the bend below a tangent, and of b and b′ over a box, against many samples."""
     rng = np.random.default_rng(11)

@@ -215,3 +215,25 @@ def test_convergence_has_the_bound_beside_the_error(tmp_path: Path) -> None:
     known = data["compared"].values == 1
     assert (data["bound_u_energy"] > data["error_u_energy"])[known].all()
     assert np.isfinite(data["estimate_u_energy"]).all()
+
+
+TWO_LAWS = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary:
+  bottom: contact
+  top: contact
+  left: {role: traction, g: [0.2, 0], spring: {normal: 1}}
+  right: free
+material: {E: 1, nu: 0.25}
+friction:
+  bottom: {law: exponential, a: 0.2, b: 0.1, delta: 0.5}
+  top: {law: tresca, tau: 0.05}
+mesh: {maxh: 0.5, guarantee: true}
+"""
+
+
+def test_a_law_with_one_kink_beside_an_exponential_one_has_a_bound(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(TWO_LAWS)
+    data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset()
+    assert np.isfinite(data["error_bound"].values).all()
