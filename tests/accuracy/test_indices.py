@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.indices.first_order import Estimate, first_order, first_order_of
+from tcstudy.accuracy.indices.first_order import SobolIndex, first_order, first_order_of
 from tests.accuracy.responses import CASES, Case, g_function
 
 
-def estimates(case: Case, count: int, seed: int = 0, design: str = "random") -> list[Estimate]:
+def estimates(case: Case, count: int, seed: int = 0, design: str = "random") -> list[SobolIndex]:
     x, y = case.sample(design, count, [count, seed])
     return first_order(x, y, case.named, balanced=design == "sobol")
 
 
-def as_array(indices: list[Estimate]) -> np.ndarray:
+def as_array(indices: list[SobolIndex]) -> np.ndarray:
     return np.array([(index.value, index.low, index.high) for index in indices])
 
 

@@ -32,7 +32,7 @@ MIN_DEGREES_OF_FREEDOM = 2.0
 
 
 @dataclass(frozen=True)
-class Estimate:
+class SobolIndex:
     """An index with the ends of its interval, and the reason where it has none.
 
     NaN stands for a value or an end that there is not.
@@ -46,7 +46,7 @@ class Estimate:
 
 def first_order(
     x: Array, y: Array, named: tuple[bool, ...] = (), balanced: bool = False
-) -> list[Estimate]:
+) -> list[SobolIndex]:
     """Return the index of each column of x (N, d) for the results y (N,).
 
     named:    (d,) columns that number the values of a choice
@@ -57,13 +57,13 @@ def first_order(
     return [first_order_of(column, y, name, balanced) for column, name in columns]
 
 
-def first_order_of(x: Array, y: Array, named: bool = False, balanced: bool = False) -> Estimate:
+def first_order_of(x: Array, y: Array, named: bool = False, balanced: bool = False) -> SobolIndex:
     """Return the index of one input x (N,) for the results y (N,)."""
     count = len(y)
     if not varies(y):
-        return Estimate(np.nan, reason="the result is the same at all points")
+        return SobolIndex(np.nan, reason="the result is the same at all points")
     if np.ptp(x) == 0.0:
-        return Estimate(0.0, reason="the parameter is the same at all points")
+        return SobolIndex(0.0, reason="the parameter is the same at all points")
     y = (y - y.mean()) / np.abs(y - y.mean()).max()
     total = float(y @ y) / (count - 1)
     classed = is_classed(x, named)
@@ -72,13 +72,13 @@ def first_order_of(x: Array, y: Array, named: bool = False, balanced: bool = Fal
     value = max(test.value, 0.0)
 
     if count < MIN_POINTS:
-        return Estimate(value, reason=f"fewer than {MIN_POINTS} points")
+        return SobolIndex(value, reason=f"fewer than {MIN_POINTS} points")
     if classed and np.unique(x, return_counts=True)[1].min() < MIN_CLASS_POINTS:
-        return Estimate(value, reason=f"a value has fewer than {MIN_CLASS_POINTS} points")
+        return SobolIndex(value, reason=f"a value has fewer than {MIN_CLASS_POINTS} points")
     effective_points = np.sum(y**2) ** 2 / np.sum(y**4)
     is_heavy = test.degrees_of_freedom < MIN_DEGREES_OF_FREEDOM
     if effective_points < MIN_EFFECTIVE_POINTS or is_heavy:
-        return Estimate(value, reason="a few points carry the variance")
+        return SobolIndex(value, reason="a few points carry the variance")
 
     # the upper end allows for what the chosen basis may miss, and for jumps whose places are known
     best = min(choice.chosen, choice.best, key=lambda fit: fit.least_variance)
@@ -87,7 +87,7 @@ def first_order_of(x: Array, y: Array, named: bool = False, balanced: bool = Fal
     if not (classed or balanced) and correlation >= 2.0 / count**0.5:
         variance *= 1.0 - correlation
     upper = IndexTest.of(best, variance, y, LEVEL)
-    return Estimate(value, test.end(0.0), max(value, upper.end(ALMOST_ONE)))
+    return SobolIndex(value, test.end(0.0), max(value, upper.end(ALMOST_ONE)))
 
 
 def varies(y: Array) -> bool:

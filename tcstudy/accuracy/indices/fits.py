@@ -42,7 +42,7 @@ STANDARD_ERRORS = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BasisFit:
     """Least squares of Y in a basis.
 
     basis:    (N, p) orthonormal columns
@@ -63,7 +63,7 @@ class Fit:
     jumps: int
 
     @classmethod
-    def of(cls, basis: Array, y: Array, jumps: int = 0) -> Fit:
+    def of(cls, basis: Array, y: Array, jumps: int = 0) -> BasisFit:
         """Fit y in a basis of which `jumps` columns were searched."""
         count = len(y)
         residual = y - basis @ (basis.T @ y)
@@ -89,8 +89,8 @@ class Fit:
 class Choice:
     """The fit that gives the index, and the one with the least error at points left out."""
 
-    chosen: Fit
-    best: Fit
+    chosen: BasisFit
+    best: BasisFit
 
 
 def choose_fit(x: Array, y: Array, named: bool) -> Choice:
@@ -99,7 +99,7 @@ def choose_fit(x: Array, y: Array, named: bool) -> Choice:
     named: x numbers the values of a choice, which have no order
     """
     if is_classed(x, named):
-        fit = Fit.of(class_basis(x), y)
+        fit = BasisFit.of(class_basis(x), y)
         return Choice(fit, fit)
     fits = _candidates(x, y)
     best = min(fits, key=lambda fit: fit.score)
@@ -115,24 +115,24 @@ def is_classed(x: Array, named: bool) -> bool:
     return named or len(np.unique(x)) <= MAX_CLASSES
 
 
-def _candidates(x: Array, y: Array) -> list[Fit]:
+def _candidates(x: Array, y: Array) -> list[BasisFit]:
     ordering = Ordering.of(x)
-    constant = Fit.of(constant_basis(len(y)), y)
+    constant = BasisFit.of(constant_basis(len(y)), y)
     # the constant alone is no candidate: it has no noise, and an index of 0 would have no width
     fits = _with_jumps(constant, y, ordering, MAX_STAIR_JUMPS)
     values, ranks = scales(x)
     for pieces in spline_pieces(x):
-        fit = Fit.of(spline_basis(values, pieces), y)
-        fits += [fit, Fit.of(spline_basis(ranks, pieces), y)]
+        fit = BasisFit.of(spline_basis(values, pieces), y)
+        fits += [fit, BasisFit.of(spline_basis(ranks, pieces), y)]
         if pieces in JUMPED_SPLINE_PIECES:
             fits += _with_jumps(fit, y, ordering, MAX_JUMPS)
     for pieces in line_pieces(x):
-        fit = Fit.of(line_basis(values, pieces), y)
+        fit = BasisFit.of(line_basis(values, pieces), y)
         fits += [fit, *_with_jumps(fit, y, ordering, MAX_STAIR_JUMPS)]
     return fits
 
 
-def _with_jumps(fit: Fit, y: Array, ordering: Ordering, most: int) -> list[Fit]:
+def _with_jumps(fit: BasisFit, y: Array, ordering: Ordering, most: int) -> list[BasisFit]:
     """Return fits with 1, 2, … jumps more, as long as each pays for the search of its place."""
     count, fits = len(y), []
     search_cost = max(0.0, 2.0 * (np.log(count) - PLACE_COST) / count)
@@ -140,7 +140,7 @@ def _with_jumps(fit: Fit, y: Array, ordering: Ordering, most: int) -> list[Fit]:
         basis = with_best_step(fit.basis, fit.residual, ordering)
         if basis is None:
             break
-        larger = Fit.of(basis, y, fit.jumps + 1)
+        larger = BasisFit.of(basis, y, fit.jumps + 1)
         if larger.score + search_cost * larger.variance >= fit.score:
             break
         fits.append(larger)

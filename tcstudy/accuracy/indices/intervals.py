@@ -21,7 +21,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from tcstudy.accuracy.indices.bases import Array
-from tcstudy.accuracy.indices.fits import Fit
+from tcstudy.accuracy.indices.fits import BasisFit
 
 EXACT = 1e-12
 """Share of the variance below which the noise is rounding: the index is 1."""
@@ -52,7 +52,7 @@ class IndexTest:
     quantile: float
 
     @classmethod
-    def of(cls, fit: Fit, variance: float, y: Array, level: float) -> IndexTest:
+    def of(cls, fit: BasisFit, variance: float, y: Array, level: float) -> IndexTest:
         """Return the test of a fit of y (mean 0) with the given variance of Y at a given X."""
         count = len(y)
         total = float(y @ y) / (count - 1)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcstudy.accuracy.indices.bases import Array
-from tcstudy.accuracy.indices.first_order import LEVEL, ROUNDING, Estimate
+from tcstudy.accuracy.indices.first_order import LEVEL, ROUNDING, SobolIndex
 
 RESAMPLES = 1000
 """Bootstrap resamples of the base points."""
@@ -25,14 +25,14 @@ MIN_BASE_POINTS_TOGETHER = 256
 MIN_ADDITIVE_SHARE = 0.5
 
 
-def saltelli_indices(f: Array, seed: int = 0) -> tuple[list[Estimate], list[Estimate]]:
+def saltelli_indices(f: Array, seed: int = 0) -> tuple[list[SobolIndex], list[SobolIndex]]:
     """Return the first-order and the total indices of results f (n, d + 2), n ≥ 2.
 
     The columns of f are the results at A, at B and at the d mixtures.
     """
     count, d = len(f), f.shape[1] - 2
     if np.ptp(f[:, :2]) <= ROUNDING * np.abs(f).max():
-        constant = Estimate(np.nan, reason="the result is the same at all points")
+        constant = SobolIndex(np.nan, reason="the result is the same at all points")
         return [constant] * d, [constant] * d
     f = f - f[:, :2].mean()
     at_A, at_B, at_mixtures = f[:, :1], f[:, 1:2], f[:, 2:]
@@ -55,11 +55,11 @@ def saltelli_indices(f: Array, seed: int = 0) -> tuple[list[Estimate], list[Esti
     return _estimates(first, reason), _estimates(total, reason)
 
 
-def _estimates(samples: Array, reason: str) -> list[Estimate]:
+def _estimates(samples: Array, reason: str) -> list[SobolIndex]:
     """Return the indices of all resamples (1 + RESAMPLES, d), the first of which is the design."""
     if reason:
-        return [Estimate(float(value), reason=reason) for value in samples[0]]
+        return [SobolIndex(float(value), reason=reason) for value in samples[0]]
     levels = [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0]
     lows, highs = np.nanquantile(samples[1:], levels, axis=0)
     ends = zip(samples[0].tolist(), lows.tolist(), highs.tolist(), strict=True)
-    return [Estimate(value, low, high) for value, low, high in ends]
+    return [SobolIndex(value, low, high) for value, low, high in ends]

@@ -16,7 +16,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.indices.first_order import LEVEL, ROUNDING, Estimate, first_order
+from tcstudy.accuracy.indices.first_order import LEVEL, ROUNDING, SobolIndex, first_order
 from tcstudy.accuracy.indices.saltelli import saltelli_indices
 from tcstudy.data.files import reading
 from tcstudy.data.schema import PointStatus
@@ -45,7 +45,7 @@ class SobolIndices:
     names: tuple[str, ...]
     notes: list[str]
     caption: str
-    estimates: dict[str, list[Estimate]]
+    estimates: dict[str, list[SobolIndex]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ def _correlation_notes(names: tuple[str, ...], is_named: tuple[bool, ...], x: Ar
     ]
 
 
-def _reason_notes(names: tuple[str, ...], estimates: list[Estimate]) -> list[str]:
+def _reason_notes(names: tuple[str, ...], estimates: list[SobolIndex]) -> list[str]:
     """Return a sentence for each reason why indices have no interval."""
     by_reason: dict[str, list[str]] = {}
     for name, estimate in zip(names, estimates, strict=True):
@@ -219,7 +219,7 @@ def _decimals(share: float) -> str:
     return f"{share:.3f}" if math.isfinite(share) else "–"
 
 
-def _interval(estimate: Estimate) -> str:
+def _interval(estimate: SobolIndex) -> str:
     if not math.isfinite(estimate.low):
         return "–"
     return f"{_decimals(estimate.low)} … {_decimals(estimate.high)}"
