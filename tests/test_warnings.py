@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import netCDF4
 import pytest
 
 import tcstudy
@@ -92,6 +93,15 @@ def test_readers_repeat_them(tmp_path: Path) -> None:
     )
     assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["warnings"] == [kept]
     assert "Warning: nu = 0.49" in (tmp_path / "out.svg").read_text(encoding="utf-8")
+
+
+def test_a_file_that_was_changed_is_called_that_once(tmp_path: Path) -> None:
+    study = read_study_text(STUDY.replace("nu: 0.49", "nu: 0.3"), "s.yaml")
+    tcstudy.run(study, tmp_path / "a.nc")
+    with netCDF4.Dataset(tmp_path / "a.nc", "a") as nc:
+        nc.setncattr("title", "another")
+    changed = told(lambda: tcstudy.report(tmp_path / "a.nc"))
+    assert [text.endswith("was changed since tcstudy wrote it") for text in changed] == [True]
 
 
 def test_a_grown_file_has_each_warning_once(tmp_path: Path) -> None:

@@ -226,10 +226,11 @@ def reading(path: Path) -> Iterator[None]:
     """For the time of a `with` that reads a result file: raises StoreError if the file is none, or
     if something fails on one that has changed since tcstudy wrote it, which is told. What fails on
     a whole file passes as it is."""
-    if not (change := change_of(path)):
+    if path in _READ_NOW or not (change := change_of(path)):
         yield
         return
     tell([change])
+    _READ_NOW.add(path)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:
@@ -239,6 +240,12 @@ def reading(path: Path) -> Iterator[None]:
             raise StoreError(
                 f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). {ANEW}"
             ) from error
+        finally:
+            _READ_NOW.discard(path)
+
+
+_READ_NOW: set[Path] = set()
+"""Changed files that a `reading` is at, within which others say nothing more."""
 
 
 def _says_ours(found: dict[str, Any]) -> bool:
