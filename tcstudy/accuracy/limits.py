@@ -14,7 +14,8 @@ The clip keeps a lucky small or large order from deciding (P. J. Roache, Verific
 in Computational Science and Engineering, 1998; L. Eça and M. Hoekstra, J. Comput. Phys. 262 (2014)
 104–130). The older differences stay in the step since one small difference may be chance. Results
 that are sums over the cells of Γ_C move by whole cells, which `unresolved` allows for. The factors
-hold at least 95 % of the limits of random scenes: `python -m tests.benchmarks.limits`.
+hold at least 95 % of the limits of random scenes that finer levels give to a tenth of the error:
+`python -m tests.benchmarks.limits`.
 """
 
 from __future__ import annotations

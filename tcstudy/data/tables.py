@@ -529,7 +529,7 @@ _ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
 _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("value", "f8", "{}", POINT_LEVEL, "{}"),
     ("limit", "f8", "{}", _ONCE, "extrapolated to h = 0: {}"),
-    ("uncertainty", "f8", "{}", _ONCE, "uncertainty of the extrapolated value, 95 % hold: {}"),
+    ("uncertainty", "f8", "{}", _ONCE, "uncertainty of the extrapolated value: {}"),
     ("limit_order", "f8", "1", _ONCE, "order of the extrapolation: {}"),
     ("exact", "f8", "{}", _ONCE, "exact value where known: {}"),
 )

@@ -51,8 +51,9 @@ LEGEND = (
     "seminorm; ξ is compared in L²(Γ_C) as a step function, and at the contact nodes."
 )
 UNCERTAINTY = (
-    "h → 0: limit ± uncertainty, which held the limit in 95 % or more of random scenes; a slip length is uncertain by "
-    f"one cell at least; fewer than {LIMIT_LEVELS} levels give no limit"
+    "h → 0: limit ± uncertainty, which held 95 % or more of the limits of random scenes that are "
+    "known well enough to judge; a slip length is uncertain by one cell at least; fewer than "
+    f"{LIMIT_LEVELS} levels give no limit"
 )
 MARKS = {"slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
 """What stands behind an order that is not as expected."""
