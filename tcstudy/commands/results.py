@@ -97,6 +97,7 @@ def draw(options: argparse.Namespace) -> int:
     elif options.overrides or target is None:
         what = "--set: a result file keeps its study; leave it out"
         fail(what if options.overrides else "PICTURE: name a .png, .svg or .pdf file")
+    before = _changed(target)
     try:
         if options.map is not None:
             asked["map"] = pair_of(options.map)
@@ -109,10 +110,15 @@ def draw(options: argparse.Namespace) -> int:
     except UsageError as fault:
         fail(f"--{fault}")
     except StudyError:
-        if target.exists():
+        if _changed(target) != before:
             print(f"{target}: what could be read; what is wrong stands on it", file=sys.stderr)
         raise
     return OK
+
+
+def _changed(path: Path) -> int | None:
+    """Return when a file was written, None where there is none."""
+    return path.stat().st_mtime_ns if path.exists() else None
 
 
 def picture(
@@ -149,9 +155,11 @@ def _scene(
     GeometryFailed: for a file with faults when the figure of its outline was used, on which edges
     at fault are marked.
     """
+    from tcstudy.errors import DrawError
     from tcstudy.read.study import body_as_given, read_study
     from tcstudy.reports.figures import style
     from tcstudy.reports.figures.scene import faulty_figure, scene_figure
+    from tcstudy.study.lint import check_kind
 
     for name in (name for name, one in asked.items() if one not in (None, False)):
         fail(f"{name}: a study that was not run has no results to draw; leave it out")
@@ -172,6 +180,10 @@ def _scene(
                 look,
             )
         raise
+    try:
+        check_kind(read, read.kind, str(study if read is not study else read.title))
+    except UsageError as error:
+        raise DrawError(str(error)) from None
     with style.styled(look):
         yield (
             scene_figure(read, _shape(read), look),
@@ -203,28 +215,35 @@ def _told(body: Body, error: StudyError) -> tuple[dict[str, str], list[str]]:
 
 def _shape(study: Study) -> SceneShape:
     """The coarsest mesh of a study, of several geometries that of the first: its sizes, and its
-    λ₁."""
+    λ₁.
+
+    Raises StudyError for a body of a file that a run refuses, DrawError for one that is not held.
+    """
     from tcstudy.condense import NotPositiveDefinite
     from tcstudy.errors import DrawError
     from tcstudy.fem.meshes import Meshes
     from tcstudy.offline.level import Level
+    from tcstudy.read.document import located
     from tcstudy.reports.figures.scene import SceneShape
     from tcstudy.reports.text import with_unit
+    from tcstudy.study.lint import built_faults
 
     if study.variants:
         made = [one.study for one in study.variants if one.study is not None]
         if not made:
             raise DrawError(f"no geometry of the sweep can be made: {study.variants[0].reason}")
         study = made[0]
+    if faults := built_faults(study):
+        raise StudyError(located(study, faults))
     mesh, scene = Meshes(study).next(0), study.scenes[0]
     names = tuple(dict.fromkeys(curve.name for curve in mesh.geometry.curves))
     lambda_1, loose = None, study.history is not None and study.history.loose
     try:
         level = Level(mesh, scene, held=not loose)
         lambda_1 = None if loose else level.lambda_1(scene)
-        counts = f"{level.frames.n_dof} unknowns, {level.line.m} on the contact line"
     except NotPositiveDefinite as error:
-        counts = str(error)
+        raise DrawError(str(error)) from None
+    counts = f"{level.frames.n_dof} unknowns, {level.line.m} on the contact line"
     size = with_unit(mesh.h_max, "1" if study.units == "none" else "m", 3)
     levels = f" of {study.mesh.levels}" if study.mesh.levels > 1 else ""
     regions = tuple(region.name for region in scene.body.regions)

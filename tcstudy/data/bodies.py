@@ -48,7 +48,7 @@ _OF_ALL = frozenset(v.name for v in (*MESH_COUNTS, MESH_GEOMETRY))
 
 
 _FIELDS = frozenset(v.name for v in FIELDS)
-_OWN_LENGTHS = ("held_end", "joint", "mesh_node", "mesh_face")
+_OWN_LENGTHS = ("held_end", "joint", "rim_segment", "mesh_node", "mesh_face")
 """Dimensions that not every geometry has."""
 
 
@@ -318,7 +318,8 @@ class StoredBody:
         m = int(self.once("n_contact", level))
         extents = {"node": slice(0, m), "node_column": slice(0, m)}
         group = self.group(level)
-        for name, dim in (("held_arclength", "held_end"), ("joint_node", "joint")):
+        ends = ("held_arclength", "held_end"), ("joint_node", "joint"), ("rim_edge", "rim_segment")
+        for name, dim in ends:
             if name in group.variables:
                 variable = group[name]
                 index = {**self.outer, POINT: int(self.places[0]), dim: slice(None)}

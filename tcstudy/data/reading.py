@@ -146,7 +146,7 @@ def read_level(body: StoredBody, level: int) -> LevelRecord:
     names = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
     values |= {name: body.once(name, level) for name in names}
     meanings = str(body.attributes(group["edge"]).get("flag_meanings", ""))
-    kept = (*schema.MESH, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
+    kept = (*schema.MESH, *schema.RIM, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
     fields = {v.name: body.read(group[v.name], level) for v in kept if v.name in group.variables}
     return LevelRecord(
         level=level,

@@ -55,7 +55,7 @@ class LevelRecord:
     time_mesh, time_assemble: wall time of this level's mesh and matrices [s]
     fields:     mesh arrays for whole-body fields if they are asked for: "node_x", "node_y" (n,), "triangle" (t, 3), and
                 the held ends of Γ_C and the joints of its edges if it has some (data.schema.HELD,
-                JOINTS)
+                JOINTS); of a body from a CAD file its boundary (data.schema.RIM)
     stop:       why refinement ended on this level, in words; empty if it went on or there was nothing to decide
     """
 

@@ -483,6 +483,14 @@ MESH: tuple[FileVariable, ...] = (
         "triangle", "i4", "1", "nodes of the triangle", ("mesh_face", "corner"), extra=_CONNECTIVITY
     ),
 )
+_RIM_ENDS = ("rim_segment", "rim_end")
+RIM_EDGE = FileVariable("rim_edge", "i1", "1", "edge of the body", ("rim_segment",))
+RIM: tuple[FileVariable, ...] = (
+    *(place(f"rim_{name}", f"{name} of an end of the segment", _RIM_ENDS) for name in "xy"),
+    RIM_EDGE,
+)
+"""The boundary of a body from a CAD file, whose shape the study does not have: straight segments
+with the body on their left, and the edge that each belongs to."""
 _FACE = {"mesh": "mesh", "location": "face"}
 REGION = FileVariable(
     "region", "i1", "1", "region with a material of its own", ("mesh_face",), extra=_FACE
@@ -539,7 +547,7 @@ MESH_GEOMETRY = FileVariable(
 """What the level of a file of several geometries has beside MESH, so that one mesh is found."""
 NO_EDGE, NONE = -1, "none"
 """Flag, and its meaning, behind the end of a contact line that is shorter than others."""
-_ENDS = ("node", "held_end", "joint")
+_ENDS = ("node", "held_end", "joint", "rim_segment")
 """Dimensions whose lengths differ from geometry to geometry, and which are padded."""
 
 
@@ -557,11 +565,11 @@ def among_geometries(variable: FileVariable) -> FileVariable:
     return replace(variable, no_value=NO_EDGE) if variable.dtype == "i1" else variable
 
 
-ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *LIVE) if SWEEP not in v.dims)
+ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *RIM, *LIVE) if SWEEP not in v.dims)
 """Names of what the contact line of a geometry has once, whatever the point."""
 
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
-_ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+_ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, *RIM, REGION, *FIELDS)
 _OF_GEOMETRIES = (NUMBER, OVERRIDES, *MESH_COUNTS, MESH_GEOMETRY)
 _EVERY = (*_ALL, *LIVE, *_OF_GEOMETRIES)
 RESERVED = frozenset(name for v in _EVERY for name in (v.name, *v.dims)) | {

@@ -217,6 +217,7 @@ _SIZED = {
     "node": "x",
     "held_end": "held_x",
     "joint": "joint_node",
+    "rim_segment": "rim_edge",
     "mesh_node": "node_x",
     "mesh_face": "triangle",
     "node_column": schema.LIVE_PREFIX + "A_tilde",
@@ -618,6 +619,10 @@ def _put_level(nc: netCDF4.Dataset, contents: _Contents, level: LevelRecord) -> 
             _put_region(group, study, level.fields["region"])
         for variable in _fields(study):
             define(group, variable, study, (1,) * len(study.shape) + level.fields["node_x"].shape)
+    put_all(group, schema.RIM, level.fields, study)
+    if schema.RIM_EDGE.name in group.variables:
+        names = (name for name, _ in study.scenes[0].boundary)
+        group[schema.RIM_EDGE.name].setncatts(dict(schema.flags(*names)))
     live = {
         v.name: level.fields[name]
         for v in schema.LIVE
@@ -722,13 +727,16 @@ def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, room: int)
     study, sizes = contents.study, contents.sizes[number]
     group = nc.createGroup(f"level_{number}")
     group.setncattr("level", np.int32(number))
-    padded = {dim: sizes.longest(dim) for dim in ("node", "held_end", "joint", "node_column")}
-    for dim in ("node", "held_end", "joint"):
+    ends = ("node", "held_end", "joint", "rim_segment")
+    padded = {dim: sizes.longest(dim) for dim in (*ends, "node_column")}
+    padded["rim_end"] = 2 if padded["rim_segment"] else 0
+    for dim in (*ends, "rim_end"):
         if padded[dim] and dim not in group.dimensions:
             group.createDimension(dim, padded[dim])
     every = [*schema.CONTACT, *line_variables(study)]
     every += schema.HELD if padded["held_end"] else ()
     every += schema.JOINTS if padded["joint"] else ()
+    every += schema.RIM if padded["rim_segment"] else ()
     groups = {group: [among_geometries(v) for v in every]}
     if padded["node_column"]:
         live = group.createGroup("live")
@@ -743,6 +751,10 @@ def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, room: int)
     flags = schema.flags(schema.NONE, *sizes.edge_names, first=schema.NO_EDGE)
     for name in {"edge", "joint_edge"} & {*group.variables}:
         group[name].setncatts(dict(flags))
+    if schema.RIM_EDGE.name in group.variables:
+        names = (name for name, _ in study.scenes[0].boundary)
+        meanings = schema.flags(schema.NONE, *names, first=schema.NO_EDGE)
+        group[schema.RIM_EDGE.name].setncatts(dict(meanings))
     _put_solutions(group, contents, number, padded["node"])
     return parts
 

@@ -121,8 +121,8 @@ def examine(path: str, seconds: float) -> None:
 Array = NDArray[np.float64]
 INTERFACE = "_interface"
 """Mesh boundary name of the edges inside the body (outlines of regions)."""
-FAR = 0.1
-"""Distance from the nearest edge, relative to the body, from which on a point of a study names no
+MAX_OFFSET = 1e-3
+"""Largest distance from the nearest edge, relative to the body, of a point of a study that names an
 edge of a file."""
 CORNER = 1e-7
 """Difference of distances, relative to the body, that leaves open which edge is meant; the kernel's
@@ -158,8 +158,9 @@ class Curve:
 class Geometry:
     """A body ready for meshing.
 
-    shape:  the OCC shape, with named faces, in units of `unit` [m];  curves: its boundary
-    area:   exact area [m²];  size: diagonal of the box around it [m]
+    shape:   the OCC shape, with named faces, in units of `unit` [m];  curves: its boundary
+    area:    exact area [m²];  size: diagonal of the box around it [m]
+    offsets: of a file, every point that names an edge, with its name and its distance from the edge [m]
     """
 
     shape: Any
@@ -167,6 +168,7 @@ class Geometry:
     area: float
     size: float
     unit: float
+    offsets: tuple[tuple[str, Point, float], ...] = ()
 
     def face_areas(self) -> dict[str, float]:
         """Area of every region by name, and of the rest of the body as "body" [m²]."""
@@ -256,9 +258,9 @@ def build(body: Body) -> Geometry:
 
     Raises GeometryFailed if a file has no such face or an edge of the shape cannot be named.
     """
+    offsets: tuple[tuple[str, Point, float], ...] = ()
     if body.brep is not None:
-        face, edges, unit = _read_face(body.brep)
-        curves = tuple(edges)
+        face, curves, unit, offsets = _read_face(body.brep)
     else:
         assert body.outline is not None
         loops = (*body.loops, *(region.loop for region in body.regions))
@@ -285,7 +287,8 @@ def build(body: Body) -> Geometry:
     rest.faces.name = BODY
     shape = occ.Glue([rest, *parts]) if parts else rest
     _name_edges(shape, finders, 1e-6 * size)
-    return Geometry(shape, curves, sum(f.mass for f in shape.faces) * unit**2, size * unit, unit)
+    area = sum(f.mass for f in shape.faces) * unit**2
+    return Geometry(shape, curves, area, size * unit, unit, offsets)
 
 
 def _unit(size: float, shortest: float) -> float:
@@ -346,9 +349,11 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
         )
 
 
-def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
-    """One plane face of a file, its edges named by the points that the study gives, and the unit it
-    is in [m]."""
+def _read_face(
+    record: BrepFace,
+) -> tuple[Any, tuple[Curve, ...], float, tuple[tuple[str, Point, float], ...]]:
+    """Return one plane face of a file, its edges named by the points that the study gives, the unit
+    it is in [m], and the distances of these points (`Geometry.offsets`)."""
     if (fault := file_fault(record.path)) is not None:
         raise GeometryFailed(
             f"{record.path.name}: {fault}; export the face again", ("body", "file")
@@ -370,42 +375,46 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
             f"{record.path.name}: face {record.face} does not lie in the plane z = 0"
         )
     names: list[str | None] = [record.other] * len(edges)
+    offsets = list[tuple[str, Point, float]]()
     for name, points in record.edges:
         for point in points:
-            names[_edge_near(record, edges, name, np.asarray(point), _size(face), unit)] = name
+            nearest, offset = _edge_near(record, edges, name, point, _size(face), unit)
+            names[nearest] = name
+            offsets.append((name, point, offset))
     unnamed = [i for i, name in enumerate(names) if name is None]
     if unnamed:
-        where = [unit * edges[unnamed[0]].center[axis] for axis in (0, 1)]
+        centre = edges[unnamed[0]].center
+        place = record.place_in_words((unit * centre[0], unit * centre[1]))
         raise GeometryFailed(
-            f"{record.path.name}: the edge around ({where[0]:g}, {where[1]:g}) has no name; "
+            f"{record.path.name}: the edge around {place} has no name; "
             "name it by a point under edges, or give `other`"
         )
-    return (
-        face,
-        [_file_curve(edge, str(name), unit) for edge, name in zip(edges, names, strict=True)],
-        unit,
-    )
+    curves = [_file_curve(edge, str(name), unit) for edge, name in zip(edges, names, strict=True)]
+    return face, tuple(curves), unit, tuple(offsets)
 
 
 def _edge_near(
-    record: BrepFace, edges: list[Any], name: str, point: Array, size: float, unit: float
-) -> int:
-    """The edge that a point names; a point at none (wrong units) or at a corner (either edge) is
-    refused."""
-    distances = np.array([_occ_distance(edge)(point / unit) for edge in edges])
+    record: BrepFace, edges: list[Any], name: str, point: Point, size: float, unit: float
+) -> tuple[int, float]:
+    """Return the edge that a point names, and its distance from it [m].
+
+    A point off every edge (a slip, wrong units) or at a corner (either edge) raises GeometryFailed.
+    """
+    at = np.asarray(point) / unit
+    distances = np.array([_occ_distance(edge)(at) for edge in edges])
     best, *others = np.argsort(distances, kind="stable")
-    where = f"{record.path.name}: the point ({point[0]:g}, {point[1]:g}) of edges.{name}"
-    if distances[best] > FAR * size:
+    where = f"{record.path.name}: the point {record.place_in_words(point)} of edges.{name}"
+    if distances[best] > MAX_OFFSET * size:
         raise GeometryFailed(
-            f"{where} is {unit * distances[best]:.3g} away from the nearest edge of the face, "
-            f"whose size is {unit * size:.3g}; "
-            "give a point on the edge that is meant, in metres or with its unit"
+            f"{where} is {record.in_words(unit * distances[best])} away from the nearest edge of "
+            f"the face, whose size is {record.in_words(unit * size)}; give a point on the edge "
+            "that is meant, with its unit"
         )
     if others and distances[others[0]] - distances[best] <= CORNER * size:
         raise GeometryFailed(
             f"{where} is as near to two edges; give the middle of the edge that is meant"
         )
-    return int(best)
+    return int(best), float(unit * distances[best])
 
 
 def _file_curve(edge: Any, name: str, unit: float) -> Curve:

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.document import Node, split_path
 from tcstudy.read.fields import Context, Fields, only_key
+from tcstudy.read.step import KERNEL_UNIT, same_unit, stated_units, unit_name
 from tcstudy.scene.keys import rows
 from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import (
@@ -42,7 +44,7 @@ from tcstudy.scene.records import (
     Symmetry,
 )
 from tcstudy.scene.study import Goal, MeshPlan
-from tcstudy.scene.units import LENGTH, UnitError, to_si
+from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 from tcstudy.shapes import edges as shapes
 from tcstudy.shapes import faults as body_faults
 from tcstudy.shapes.edges import (
@@ -58,6 +60,8 @@ from tcstudy.shapes.edges import (
 SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
 """Formats of geometry files and the length unit that is usual in each."""
+STEP_FORMATS = (".step", ".stp")
+"""Those whose header may state the unit."""
 SHAPES = ("outline", "rectangle", "file")
 AN_EDGE = "{from: [0 mm, 0 mm], edge: NAME}"
 
@@ -181,7 +185,7 @@ def _region(ctx: Context, node: Node, name: str) -> Region:
 
 def _file(ctx: Context, node: Node) -> BrepFace:
     fields = Fields(ctx, node, "file")
-    path, unit = fields.value("path"), fields.value("unit") or ""
+    path = fields.value("path")
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
     if path and suffix not in FORMATS:
         fields.fault(
@@ -189,21 +193,15 @@ def _file(ctx: Context, node: Node) -> BrepFace:
             f"{path!r} is not a geometry file",
             f"give a file ending in {', '.join(FORMATS)}",
         )
-    elif path and not os.path.isfile(target):  # False of one whose name a system refuses, too
+    elif (
+        path and ctx.with_files and not os.path.isfile(target)
+    ):  # False of one whose name a system refuses, too
         fields.fault(
             "path",
             f"there is no file {path!r}",
             "give its path relative to the folder of the study",
         )
-    try:
-        scale = (
-            to_si("1", unit or FORMATS.get(suffix, "m"), LENGTH)
-            if unit or ctx.units == "SI"
-            else 1.0
-        )
-    except UnitError as error:
-        scale = math.nan
-        fields.fault("unit", str(error), 'write for example "mm"')
+    scale = _scale(ctx, fields, target, suffix)
     remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
     named = ctx.mapping(fields["edges"], "names to points", remedy, least=0, named=True)
     points = replace(rows("file")["edges"], kind="points")
@@ -216,8 +214,63 @@ def _file(ctx: Context, node: Node) -> BrepFace:
             ctx.at(item, "is one point, but must be a list of points", f"write [{item.brief()}]")
         edges[name] = () if single and item.value else ctx.value(item, points)
     return BrepFace(
-        target, fields.value("face"), scale, tuple(edges.items()), fields.value("other")
+        target,
+        fields.value("face"),
+        scale,
+        tuple(edges.items()),
+        fields.value("other"),
+        written=_written_unit(ctx, named.values()),
     )
+
+
+def _scale(ctx: Context, fields: Fields, path: Path, suffix: str) -> float:
+    """Return the length of one unit of the file as the kernel gives it [m]; NaN after a fault.
+
+    The header of a STEP file decides: the kernel converts its lengths to millimetres, so that
+    `unit` is for files that state none. Dimensionless studies take the numbers of the file.
+    """
+    unit = fields.value("unit") or ""
+    try:
+        metres = to_si("1", unit, LENGTH) if unit else math.nan
+    except UnitError as error:
+        fields.fault("unit", str(error), 'write for example "mm"')
+        return math.nan
+    states_unit = ctx.with_files and suffix in STEP_FORMATS
+    stated = stated_units(path) if states_unit else ()
+    if unit and not all(same_unit(metres, one) for one in stated):
+        names = " and ".join(unit_name(one) for one in stated)
+        what = f"is {unit}, but the header of {path.name} says {names}"
+        fields.fault("unit", what, "remove unit: the lengths are converted by the header")
+        return math.nan
+    if ctx.units == "none" and not unit:
+        return KERNEL_UNIT / stated[0] if len(stated) == 1 else 1.0
+    if stated:
+        return KERNEL_UNIT
+    return metres if unit else to_si("1", FORMATS.get(suffix, "m"), LENGTH)
+
+
+def _written_unit(ctx: Context, points: Iterable[Node]) -> tuple[str, float]:
+    """Return the unit of the first coordinate of some points with a unit, and its length [m]."""
+    if ctx.units == "none":
+        return "", 1.0
+    for coordinate in (one for point in points for one in _leaves(point)):
+        parts = split_quantity(coordinate.value) if isinstance(coordinate.value, str) else None
+        if parts is None:
+            continue
+        try:
+            return parts[1], to_si("1", parts[1], LENGTH)
+        except UnitError:
+            continue
+    return "m", 1.0
+
+
+def _leaves(node: Node) -> Iterator[Node]:
+    """Yield the values in a list of lists."""
+    if not isinstance(node.value, tuple):
+        yield node
+        return
+    for item in node.value:
+        yield from _leaves(item)
 
 
 Array = NDArray[np.float64]

@@ -153,6 +153,7 @@ class Context:
 
     before: how often faults were met before the section that is read
     unread: named numbers without a value, whose fault is recorded
+    with_files: whether the file of a body must be there; results are read without it
     """
 
     errors: Collector
@@ -161,6 +162,7 @@ class Context:
     named: dict[str, Named] = field(default_factory=dict)
     before: int = 0
     unread: set[str] = field(default_factory=set)
+    with_files: bool = True
 
     def at(self, node: Node, *said: str, key: str | None = None, on_key: bool = False) -> None:
         """Record a fault (`Collector.at`)."""

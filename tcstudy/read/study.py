@@ -92,13 +92,16 @@ def read_study_text(
     source: Path | None = None,
     *,
     swept: bool | None = True,
+    with_files: bool = True,
 ) -> Study:
     """The study in a text, called `name` in messages; raises StudyError with all its problems.
 
     source: the file that the text was read from, if any: other files are sought beside it;  swept: as of `read_study`
+    with_files: whether the file of a body must be there; a study in a result file is read without it
     """
     overrides = tuple(overrides)
     ctx, root = _begun(text, name, overrides, source)
+    ctx.with_files = with_files
     if not isinstance(root.value, Mapping):
         ctx.at(
             root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml"
@@ -122,7 +125,10 @@ def read_study_text(
     if root.at("fit", "tests") is None:
         return study
     return read_tests(
-        ctx, root, study, lambda options: read_study_text(text, name, options, source)
+        ctx,
+        root,
+        study,
+        lambda options: read_study_text(text, name, options, source, with_files=with_files),
     )
 
 

@@ -134,7 +134,7 @@ def write_fields(
         )
     elif study is None:
         lacks.append(
-            "the study in the file cannot be read here (its geometry is elsewhere), so stresses are left out"
+            "the study in the file cannot be read by this version, so stresses are left out"
         )
     if missing := int(np.count_nonzero(wanted & ~solved)):
         lacks.append(

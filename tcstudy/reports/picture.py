@@ -33,7 +33,7 @@ from tcstudy.reports.select_point import (
     of_largest_slip,
 )
 from tcstudy.scene.histories import ContactState, node_states
-from tcstudy.scene.records import Clamped, Edge, Material, Scene
+from tcstudy.scene.records import Clamped, Edge, Free, Material, Role, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_points
 
@@ -238,7 +238,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         level=number,
         line=_without_rounding(line, sizes, number),
         body=body_fields(group, lambda theta: sizes.cleared("theta", theta, number, 0)),
-        edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
+        edges=tuple(named_edges(study, group)) or tuple(contact_edges(line, group)),
         sources=tuple(sources(study)),
         held=np.append(held_u_T, np.nan)[ends_held(line, group)],
         scene=scene,
@@ -380,12 +380,45 @@ def outline(study: Study | None) -> list[NamedEdge]:
     body, roles, found = study.scenes[0].body, dict(study.scenes[0].boundary), []
     for number, loop in enumerate((body.outline, *body.holes)):
         for edge in loop.edges if loop is not None else ():
-            role = roles.get(edge.name)
-            loaded = role is not None and any((*role.g, role.pressure, *role.force))
-            found.append(
-                NamedEdge(edge.name, role.word if role else "free", number, _polyline(edge), loaded)
-            )
+            role = roles.get(edge.name, Free())
+            line = _polyline(edge)
+            found.append(NamedEdge(edge.name, role.word, number, line, is_loaded(role)))
     return found
+
+
+def named_edges(study: Study | None, group: Any) -> list[NamedEdge]:
+    """Return the edges of the body with their roles: those of its outline in the study, or those
+    of a body from a CAD file as a level of the result file has them."""
+    return outline(study) or rim_edges(study, group)
+
+
+def rim_edges(study: Study | None, group: Any) -> list[NamedEdge]:
+    """Return the pieces of the stored boundary (data.schema.RIM) with their roles."""
+    if study is None or "rim_edge" not in group:
+        return []
+    segments = np.stack([group["rim_x"].values, group["rim_y"].values], axis=-1)
+    edge_of_segment = group["rim_edge"].values
+    rings = sorted(polylines(segments), key=lambda ring: -shapely.Polygon(ring).area)
+    loop_of_point = {tuple(point): number for number, ring in enumerate(rings) for point in ring}
+    edges = list[NamedEdge]()
+    for number, name in enumerate(str(group["rim_edge"].attrs["flag_meanings"]).split()):
+        role = dict(study.scenes[0].boundary)[name]
+        for line in polylines(segments[edge_of_segment == number]):
+            loop = loop_of_point[tuple(line[0])]
+            edges.append(NamedEdge(name, role.word, loop, line, is_loaded(role)))
+    return edges
+
+
+def is_loaded(role: Role) -> bool:
+    """Return whether an edge of this role carries a traction or a resultant."""
+    return any((*role.g, role.pressure, *role.force))
+
+
+def polylines(segments: Array) -> list[Array]:
+    """Lines (n, 2) of straight pieces (k, 2, 2) that lead on to each other; a ring ends where it
+    begins."""
+    merged = shapely.line_merge(shapely.multilinestrings(segments), directed=True)
+    return [shapely.get_coordinates(one) for one in shapely.get_parts(merged)]
 
 
 def contact_edges(line: LineFields, group: Any) -> list[NamedEdge]:

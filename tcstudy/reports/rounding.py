@@ -154,7 +154,8 @@ class Floors:
 
 def stored_study(about: Mapping[str, Any], swept: bool = True) -> Study | None:
     """Return the study of a result file, or of one of its geometries, by its global attributes;
-    None if its text cannot be read (a body's file may be gone).
+    None if its text cannot be read, as one of another version may be. The file of a body is not
+    needed.
 
     swept: with its points, of which each costs half a millisecond; else the one scene outside the
     sweep
@@ -162,7 +163,7 @@ def stored_study(about: Mapping[str, Any], swept: bool = True) -> Study | None:
     text, overrides = str(about.get("study_yaml", "")), str(about.get("overrides", ""))
     told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
     try:
-        return read_study_text(text, "study", told)
+        return read_study_text(text, "study", told, with_files=False)
     except (StudyError, OSError):
         return None
 

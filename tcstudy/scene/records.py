@@ -66,8 +66,9 @@ class Region:
 class BrepFace:
     """A plane face of a STEP or BREP file.
 
-    face:  which face of it, from 0;  scale: length of one unit of the file [m]
-    edges: name → points on it; the edge nearest to each point gets the name;  other: name of all others
+    face:    which face of it, from 0;  scale: length of one unit of the file as the kernel gives it [m]
+    edges:   name → points on it; the edge nearest to each point gets the name;  other: name of all others
+    written: unit that the study writes these points in, and its length [m]; ("", 1) of one without units
     """
 
     path: Path
@@ -75,6 +76,17 @@ class BrepFace:
     scale: float
     edges: tuple[tuple[str, tuple[Point, ...]], ...]
     other: str | None
+    written: tuple[str, float] = field(default=("", 1.0), compare=False)
+
+    def in_words(self, length: float) -> str:
+        """Return a length [m] in the unit of the study."""
+        unit, metres = self.written
+        return f"{length / metres:.3g} {unit}".rstrip()
+
+    def place_in_words(self, point: Point) -> str:
+        """Return a point [m] in the unit of the study."""
+        unit, metres = self.written
+        return f"({point[0] / metres:.6g}, {point[1] / metres:.6g}) {unit}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -194,6 +194,18 @@ def _stop(estimator: ErrorEstimator | None, last: bool, times: Times) -> str:
         return estimator.stop(last) if estimator is not None else ""
 
 
+def _rim(study: Study, mesh: PlaneMesh) -> dict[str, NDArray[np.generic]]:
+    """Return the variables of data.schema.RIM: the boundary of the mesh by edges of the study."""
+    names = [name for name, _ in study.scenes[0].boundary]
+    edge_of_curve = np.array([names.index(curve.name) for curve in mesh.geometry.curves])
+    ends = mesh.points[mesh.segments]
+    return {
+        "rim_x": ends[..., 0],
+        "rim_y": ends[..., 1],
+        "rim_edge": edge_of_curve[mesh.segment_curve].astype(np.int8),
+    }
+
+
 def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
     """What the data keep of a level: sizes, the contact line, and the mesh if fields are kept."""
     line = level.line
@@ -204,6 +216,8 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
     fields |= {
         f"joint_{name}": values for name, values in line.joints._asdict().items() if len(values)
     }
+    if study.scenes[0].body.brep is not None:
+        fields |= _rim(study, mesh)
     if study.output.fields:
         fields |= {
             "node_x": mesh.points[:, 0],

@@ -172,7 +172,9 @@ def test_a_long_history_is_not_taken_for_one_that_hangs(
 def test_a_body_from_a_file_travels_as_its_content(tmp_path: Path) -> None:
     occ.Rectangle(2, 1).Face().WriteStep(str(tmp_path / "plate.step"))
     (tmp_path / "study.yaml").write_text(RECTANGLE)
-    body = "body={file: {path: plate.step, unit: m, edges: {bottom: [[1, 0]], left: [[0, 0.5]]}, other: free}}"
+    body = (
+        "body={file: {path: plate.step, edges: {bottom: [[1, 0]], left: [[0, 0.5]]}, other: free}}"
+    )
     roles = "boundary={bottom: contact, left: clamped, free: {role: traction, g: [0.03, -0.01]}}"
     study = read_study(tmp_path / "study.yaml", [body, roles, "mesh={maxh: 0.4}"])
     expected = [one for one in run(study) if isinstance(one, BlockRecord)]

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from tcstudy.errors import DrawError
@@ -21,6 +20,7 @@ from tcstudy.reports.picture import (
     NamedEdge,
     Picture,
     nearest,
+    polylines,
     recovered,
     stress_floor,
 )
@@ -332,13 +332,6 @@ HATCH = 0.1
 
 APART = (7.0, 14.0, 20.0, 33.0, 46.0, -7.0, -28.0)
 """How far labels of an edge may stand outside of it, below 0 inside [pt]."""
-
-
-def polylines(segments: Array) -> list[Array]:
-    """Lines (n, 2) of straight pieces (k, 2, 2) that lead on to each other; a ring ends where it
-    begins."""
-    merged = shapely.line_merge(shapely.multilinestrings(segments), directed=True)
-    return [shapely.get_coordinates(one) for one in shapely.get_parts(merged)]
 
 
 def length_of(line: Array) -> float:

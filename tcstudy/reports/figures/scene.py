@@ -29,11 +29,10 @@ from tcstudy.reports.figures.body import (
     evenly,
     length_of,
     outside,
-    polylines,
 )
 from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, scale
 from tcstudy.reports.figures.point import draw_law, slip_range
-from tcstudy.reports.picture import edge_laws
+from tcstudy.reports.picture import edge_laws, polylines
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import law_rows, symbol
 from tcstudy.scene.parameters import Number, numbers

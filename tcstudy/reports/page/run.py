@@ -38,12 +38,13 @@ from tcstudy.reports.figures.sweep import has_equal_ratios
 from tcstudy.reports.page.parts import Container, Json
 from tcstudy.reports.picture import (
     LineFields,
+    NamedEdge,
     at_rest,
     contact_line,
     edge_laws,
     ends_held,
+    named_edges,
     nearest,
-    outline,
     sources,
     states_of,
 )
@@ -331,12 +332,20 @@ def axes(data: Any) -> list[Json]:
 # ------------------------------------------------------------------------------------------
 
 
-def shape(study: Study | None) -> Json:
+def shape(stored: Stored) -> Json:
     """Edges of the body with their roles, and its heated regions."""
     return {
-        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(study)],
-        "sources": [line.tolist() for line in sources(study)],
+        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in _edges(stored)],
+        "sources": [line.tolist() for line in sources(stored.study)],
     }
+
+
+def _edges(stored: Stored) -> list[NamedEdge]:
+    """Return the named edges of the body, of one from a CAD file as the drawn level has them."""
+    level = drawn_level(stored)
+    if level is None:
+        level = min(stored.groups, default=None)
+    return named_edges(stored.study, {} if level is None else stored.groups[level])
 
 
 def drawn_level(stored: Stored) -> int | None:
@@ -352,7 +361,7 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
     range)."""
     group = stored.groups[level]
     x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
-    xy, named = np.column_stack([x, y]), outline(stored.study)
+    xy, named = np.column_stack([x, y]), _edges(stored)
     fields = {
         name: by_point(group[name], stored.data)
         for name in ("u_x", "u_y", "theta")

@@ -484,7 +484,7 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
             history_parts(stored, stored.data.isel(where), without, box)
             for where in each_point(stored.data)
         ]
-        return {"run": run_part(stored, box), "steps": steps, **shape(stored.study)}
+        return {"run": run_part(stored, box), "steps": steps, **shape(stored)}
     content = {"run": run_part(stored, box), "laws": law_part(stored)}
     content["solvers"] = text_parts(solvers_compared(stored.data))
     if stored.homes:
@@ -514,6 +514,6 @@ def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
             str(n): line_part(stored, n, box)
             for n in (levels[-1:] if "levels" in without else levels)
         },
-        **shape(stored.study),
+        **shape(stored),
         "body": None if body is None else body_part(stored, body, box),
     }
