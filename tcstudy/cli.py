@@ -12,7 +12,15 @@ from typing import Any, NoReturn
 
 from tcstudy.commands import results, run
 from tcstudy.commands.shared import BAD_INPUT, OK, file_name, named
-from tcstudy.errors import Stream, StudyWarning, UserFault, guarded_streams, is_lost, printable
+from tcstudy.errors import (
+    Stream,
+    StudyWarning,
+    UserFault,
+    guarded_streams,
+    is_lost,
+    printable,
+    visible,
+)
 
 LISTED = (
     run.run,
@@ -108,7 +116,7 @@ def _command(arguments: list[str], out: Stream) -> int:
 
 
 def _shown(otherwise: Callable[..., None]) -> Callable[..., None]:
-    """Return how warnings are shown: those of a study in one line on standard error, and once.
+    """Return how warnings are shown: those of a study on standard error, and once.
 
     Those of libraries are for who works on the program, and asks for them (python -W): every
     solution is judged by its residual, and values that are not finite become a fault or a failed
@@ -120,7 +128,7 @@ def _shown(otherwise: Callable[..., None]) -> Callable[..., None]:
         if not issubclass(category, StudyWarning):
             if sys.warnoptions:
                 otherwise(message, category, *more, **named)
-        elif (text := f"warning: {printable(str(message))}") not in told:
+        elif (text := f"warning: {visible(str(message))}") not in told:
             told.add(text)
             print(text, file=sys.stderr, flush=True)
 

@@ -171,4 +171,5 @@ def say(
                     [text_of(path, options.manner == "verbose", point, of).rstrip("\n"), *below]
                 )
             )
-            print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")
+            notes = [str(one).replace("\n", "\n  ") for one in remarks]
+            print("".join(wrapped(f"  warning: {one}") + "\n" for one in notes), end="")

@@ -311,7 +311,12 @@ ROWS: tuple[Key, ...] = (
         "file.edges", "named points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}"
     ),
     key("file.face", "integer", "which face of it", default=0, least=0),
-    key("file.unit", "text", "its unit of length (default: mm, m for .brep)", example="mm"),
+    key(
+        "file.unit",
+        "text",
+        "its unit of length, if its header states none (default: mm, m for .brep)",
+        example="mm",
+    ),
     key("file.other", "name", "name of all other edges", example="NAME"),
     key("hole.circle", "section", ""),
     key("hole.rectangle", "section", ""),

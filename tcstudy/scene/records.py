@@ -83,6 +83,12 @@ class BrepFace:
         unit, metres = self.written
         return f"{length / metres:.3g} {unit}".rstrip()
 
+    def entry(self, point: Point) -> str:
+        """Return a point [m] as the study would write it under `edges`."""
+        unit, metres = self.written
+        coordinates = (f"{one / metres:.9g} {unit}".rstrip() for one in point)
+        return f"[{', '.join(coordinates)}]"
+
     def place_in_words(self, point: Point) -> str:
         """Return a point [m] in the unit of the study."""
         unit, metres = self.written

@@ -31,15 +31,39 @@ from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fa
 from tcstudy.read.document import Collector, Found, located, tree_of
 from tcstudy.read.fields import names_needed
 from tcstudy.scene.points import combinations, distinct, idle_notes, why_no_bound
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
+from tcstudy.scene.records import (
+    Body,
+    Clamped,
+    Contact,
+    Convection,
+    Material,
+    Scene,
+    Traction,
+    exchanges,
+)
 from tcstudy.scene.study import Study
+from tcstudy.scene.units import BODY_FORCE, LENGTH, LINE_FORCE, TEMPERATURE, TRACTION
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
+from tcstudy.study.given import Load, Measures, loaded_scenes, loads, walked_scenes
 from tcstudy.study.workers import expected_bytes
+
+Points = NDArray[np.float64]
 
 AMBIENT = (250.0, 350.0)
 """Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not
 do."""
+LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
+"""Units of lengths, with their size [m], largest first."""
+MAX_STRAIN = 0.1
+"""Strain that a load imposes up to which strains count as small."""
+MAX_OFFSET = 1e-6
+"""Distance of a point from the CAD edge that it names, relative to the body, that is rounding."""
+CELLS_IN_ZONE = 5.0
+"""Elements in the softening zone from which on the mesh does not decide about the strength."""
+ZONE_CELLS, ZONE_ERRORS = (0.7, 1.4, 2.8, 7.0), (52.0, 12.0, 4.0, 2.0)
+"""Elements in the softening zone, and by how much the largest force of a bonded strip exceeds
+√(2 G_f E t) [%]; a bar of equal cells has 124, 12, 3 and 0.6."""
 PARALLEL = 1e-6
 """Sine of the angle up to which two edges meet smoothly; the constraints of a mesh go by the same
 bound."""
@@ -50,11 +74,19 @@ def lint(study: Study) -> list[str]:
     return [*_sentences(study), *unused(study)]
 
 
+def note(fact: str, consequence: str, remedy: str) -> str:
+    """Return a warning of three lines: what is so, what comes of it, and what to do."""
+    return f"{fact}\n  {consequence}\n  Fix: {remedy}"
+
+
 def _sentences(study: Study) -> Iterator[str]:
     scenes, body = study.scenes, study.scenes[0].body
-    if count := _pinned(
-        body, scenes[0].edges(Contact)
-    ):  # which both their edges hold: u_N = 0 twice is u = 0
+    geometry = None if body.brep is None else build(body)
+    if geometry is not None:
+        yield from _off_their_edge(body, geometry)
+        yield from _going_on_straight(study, geometry)
+    if count := _pinned(body, scenes[0].edges(Contact), geometry):
+        # which both their edges hold: u_N = 0 twice is u = 0
         corners = (
             "corner of the contact line is" if count == 1 else "corners of the contact line are"
         )
@@ -67,19 +99,30 @@ def _sentences(study: Study) -> Iterator[str]:
             f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
             f"a curve, {remedy}"
         )
-    idle = int(np.count_nonzero(~loaded(scenes)))
-    if idle and study.history is None and study.fit is None:  # whose steps and data are its loads
+    if study.kind == "path":
+        visited: Sequence[Scene] = tuple(loaded_scenes(study, AMBIENT))
+        unloaded = len(visited) if not loaded(visited).any() else 0
+    else:
+        visited = scenes
+        unloaded = int(np.count_nonzero(~loaded(scenes)))
+    if (
+        unloaded and study.history is None and study.fit is None
+    ):  # whose steps and data are its loads
         where = (
             "nothing loads this scene"
             if len(scenes) == 1
-            else f"nothing loads {idle} of {len(scenes)} points"
+            else f"nothing loads {unloaded} of {len(scenes)} points"
         )
         yield f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature"
     if study.mesh.guarantee and (why := dict.fromkeys(filter(None, map(why_no_bound, scenes)))):
         yield f"no error is bounded where {'; or where '.join(why)}"
+    measures = Measures.of(body, geometry)
     if study.units == "SI":
-        yield from _absolute(scenes)
-        yield from _soft(scenes)
+        given = list(loads(study, AMBIENT))
+        yield from _absolute(study, given, measures)
+        yield from _strained(study, given, measures)
+        yield from _soft(study, given, measures)
+    yield from _coarse(study, measures)
     for region in body.regions:
         if region.moved > 0.0:
             yield (
@@ -145,54 +188,154 @@ def _pushes(scene: Scene) -> bool:
     return not all(low[0] <= 0.0 <= high[0] for low, high in at_0)
 
 
-def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
-    """Temperatures that look as if they were counted from absolute zero."""
-    if not any(scene.material.expands for scene in distinct(scenes, "material")):
+def _absolute(study: Study, given: Sequence[Load], measures: Measures) -> Iterator[str]:
+    """Yield a warning for every temperature that looks as if it counts from absolute zero."""
+    if not any(scene.material.expands for scene in distinct(study.scenes, "material")):
         return
-    given = [
-        (key, getattr(s.heat, key))
-        for key in ("theta_bar", "theta")
-        for s in distinct(scenes, "heat")
-    ]
-    given += [
-        (f"theta on {edge}", v) for s in distinct(scenes, "boundary") for edge, v in s.held_theta
-    ]
-    for name in dict.fromkeys(name for name, _ in given):
-        seen = [
-            v
-            for n, v in given
-            if n == name and isinstance(v, int | float) and AMBIENT[0] <= v <= AMBIENT[1]
-        ]
-        if seen:
-            yield (
-                f"{name} = {min(seen):g} K: temperatures count from the stress-free state, so the body is heated by as "
-                "much; if it is an absolute temperature, write the difference"
-            )
-
-
-def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
-    """A body softer than its loads: E below a stress on it is a strain above 1, where small ones
-    are meant."""
-    acting = [
-        abs(value)
-        for scene in distinct(scenes, "boundary")
-        for _, role in scene.boundary
-        if isinstance(role, Traction | Convection)
-        for value in (*role.g, role.pressure)
-        if not isinstance(value, Expression)
-    ]
-    held = [law.b_scale for scene in distinct(scenes, "friction") for law in scene.laws]
-    stress, what = (
-        (max(acting, default=0.0), "a load")
-        if any(acting)
-        else (max(held, default=0.0), "the friction")
-    )
-    least = min(own.E for scene in distinct(scenes, "material") for own in scene.material.all)
-    if 0.0 < least < stress < math.inf:
-        yield (
-            f"E = {least:g} Pa: {what} of {stress:.3g} Pa would strain the body by {stress / least:.2g}, and strains "
-            "are meant to be small; a number without a unit is in Pa, so write MPa or GPa if that was meant"
+    suspects = dict[str, float]()
+    for load in given:
+        if load.dimension == TEMPERATURE:
+            for kelvin in _ambient(load, measures.points):
+                suspects[load.key] = min(kelvin, suspects.get(load.key, math.inf))
+    for key, kelvin in suspects.items():
+        yield note(
+            f"{key} = {kelvin:g} K: temperatures count from the stress-free state",
+            f"The body is heated by as much as {kelvin:g} K, not to {kelvin:g} K.",
+            "if it is an absolute temperature, write the difference",
         )
+
+
+def _ambient(load: Load, points: NDArray[np.float64]) -> Iterator[float]:
+    """Yield the numbers of a temperature that are those of a workshop in kelvin: its value, what a
+    field adds to what varies in it, or the least value of a field that is never near 0."""
+    candidates = load.constants
+    if isinstance(load.value, Expression):
+        field = load.values(points)
+        candidates.append(float(np.min(field, initial=math.inf)))
+    for kelvin in candidates:
+        if AMBIENT[0] <= kelvin <= AMBIENT[1]:
+            yield kelvin
+
+
+def _strained(study: Study, given: Sequence[Load], measures: Measures) -> Iterator[str]:
+    """Yield a warning for the largest temperature and the largest displacement that would strain
+    the body more than small strains are."""
+    materials = [
+        material for scene in distinct(study.scenes, "material") for material in scene.material.all
+    ]
+    expansion = max(map(_expansion, materials), default=0.0)
+    temperatures = [load for load in given if load.dimension == TEMPERATURE and load.scene]
+    warmest = _largest(temperatures, measures.points)
+    if warmest is not None and expansion * warmest[0] > MAX_STRAIN:
+        kelvin, load = warmest
+        yield note(
+            f"{load.key} = {kelvin:g} K would strain the body by {expansion * kelvin:.2g}",
+            f"alpha_T = {expansion:g} 1/K; the model assumes strains that are small.",
+            "check alpha_T, often some 1e-5 1/K, and the temperature",
+        )
+    displacements = [load for load in given if load.dimension == LENGTH]
+    farthest = _largest(displacements, measures.points)
+    if farthest is not None and farthest[0] > MAX_STRAIN * measures.size:
+        metres, load = farthest
+        yield note(
+            f"{load.key} = {_length(study, metres)} would strain the body by {metres / measures.size:.2g}",
+            f"The body has a size of {_length(study, measures.size)}; strains are assumed to be small.",
+            "a number without a unit is in m; write mm or um if that was meant",
+        )
+
+
+def _expansion(material: Material) -> float:
+    """Return the coefficient of thermal expansion, that behind a given beta where there is one."""
+    if material.alpha_T is not None:
+        return abs(material.alpha_T)
+    factor = 1.0 - material.nu if material.plane == "stress" else 1.0 - 2.0 * material.nu
+    return abs(material.beta) * factor / material.E
+
+
+def _largest(given: Iterable[Load], points: NDArray[np.float64]) -> tuple[float, Load] | None:
+    """Return the load with the largest absolute value, behind that value."""
+    sizes = [(float(np.max(np.abs(load.values(points)), initial=0.0)), load) for load in given]
+    return max(sizes, key=lambda pair: pair[0], default=None)
+
+
+def _soft(study: Study, given: Sequence[Load], measures: Measures) -> Iterator[str]:
+    """Yield a warning for a body softer than its loads: E below a stress on it is a strain above 1,
+    where small ones are meant."""
+    per_stress = {TRACTION: 1.0, BODY_FORCE: measures.size, LINE_FORCE: 1.0 / measures.size}
+    acting = 0.0
+    for dimension, factor in per_stress.items():
+        same = [load for load in given if load.dimension == dimension]
+        acting = max(acting, factor * (_largest(same, measures.points) or (0.0,))[0])
+    held = [law.b_scale for scene in distinct(study.scenes, "friction") for law in scene.laws]
+    stress, what = acting, "a load"
+    if acting == 0.0:
+        stress, what = max(held, default=0.0), "the friction"
+    least = min(own.E for scene in distinct(study.scenes, "material") for own in scene.material.all)
+    if 0.0 < least < stress < math.inf:
+        yield note(
+            f"E = {least:g} Pa: {what} of {stress:.3g} Pa would strain the body by {stress / least:.2g}",
+            "The model assumes strains that are small.",
+            "a number without a unit is in Pa; write MPa or GPa if that was meant",
+        )
+
+
+def _coarse(study: Study, measures: Measures) -> Iterator[str]:
+    """Yield a warning for elements longer than a fifth of the zone in which a softening law falls."""
+    if study.mesh.open_ended:
+        return
+    zone = min(
+        (
+            _softening_zone(law.omega, material, measures.area / measures.contact(scene))
+            for scene in walked_scenes(study, AMBIENT, "friction", "material", "boundary")
+            for law in scene.laws
+            for material in scene.material.all
+            if 0.0 < law.omega < math.inf and measures.contact(scene) > 0.0
+        ),
+        default=math.inf,
+    )
+    element = _element(study)
+    cells = zone / element
+    if cells >= CELLS_IN_ZONE:
+        return
+    error = float(np.interp(math.log(cells), np.log(ZONE_CELLS), ZONE_ERRORS))
+    bound = "at least " if cells < ZONE_CELLS[0] else ""
+    long, whole, fine = (_length(study, one) for one in (element, zone, zone / CELLS_IN_ZONE))
+    yield note(
+        f"elements of {long} are long for a softening zone of {whole}",
+        f"{cells:.2g} cells in it: a strip debonds at loads {bound}{error:.2g} % too high "
+        f"({', '.join(f'{e:g} % at {c:g}' for c, e in zip(ZONE_CELLS, ZONE_ERRORS, strict=True))}).",
+        f"take elements of {fine} or less: a smaller mesh.maxh or more levels",
+    )
+
+
+def _length(study: Study, length: float) -> str:
+    """Return a length in words, in the unit of its size."""
+    if study.units == "none":
+        return f"{length:.3g}"
+    metres, unit = next((one for one in LENGTH_UNITS if length >= one[0]), LENGTH_UNITS[-1])
+    return f"{length / metres:.3g} {unit}"
+
+
+def _element(study: Study) -> float:
+    """Return the size of the elements on the mesh whose results count [m]."""
+    mesh = study.mesh
+    last = mesh.levels - 1
+    plan = study.fit or study.history or study.path
+    level = last if plan is None or plan.level is None else plan.level % mesh.levels
+    return mesh.maxh[level] if mesh.listed else mesh.maxh[0] / 2**level
+
+
+def _softening_zone(omega: float, material: Material, height: float) -> float:
+    """Return the length in which a law of this slope softens, a quarter of the wave that the body
+    resists as stiffly as the law falls [m].
+
+    A free strip resists waves of the number k with E' t k², a thick body with
+    2μ (λ + 2μ)/(λ + 3μ) k where u_N = 0.
+    """
+    lam, mu = material.lam, material.mu
+    strip = 4.0 * mu * (lam + mu) / (lam + 2.0 * mu) * height
+    thick = 2.0 * mu * (lam + 2.0 * mu) / (lam + 3.0 * mu)
+    return 0.5 * math.pi * min(math.sqrt(strip / omega), thick / omega)
 
 
 def unused(study: Study) -> list[str]:
@@ -220,9 +363,9 @@ def unused(study: Study) -> list[str]:
     ]
 
 
-def _pinned(body: Body, contact: tuple[str, ...]) -> int:
+def _pinned(body: Body, contact: tuple[str, ...], geometry: Geometry | None) -> int:
     """Corners between two contact edges of different directions."""
-    if body.brep is None:
+    if geometry is None:
         corners = [
             pair
             for loop in body.loops
@@ -234,7 +377,6 @@ def _pinned(body: Body, contact: tuple[str, ...]) -> int:
             for one, two in corners
         ]
     else:
-        geometry = build(body)
         ends = [
             (p[i], n[i]) for name, p, n in geometry.samples() if name in contact for i in (0, -1)
         ]
@@ -243,6 +385,69 @@ def _pinned(body: Body, contact: tuple[str, ...]) -> int:
             (a, b) for (p, a), (q, b) in pairs if np.linalg.norm(p - q) <= ACCURACY * geometry.size
         ]
     return sum(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL for a, b in normals)
+
+
+def _off_their_edge(body: Body, geometry: Geometry) -> Iterator[str]:
+    """Yield a warning for every point of a study that lies off the CAD edge that it names."""
+    assert body.brep is not None
+    for name, point, offset in geometry.offsets:
+        if offset > MAX_OFFSET * geometry.size:
+            place, distance = body.brep.place_in_words(point), body.brep.in_words(offset)
+            yield note(
+                f"the point {place} of edges.{name} is {distance} off its edge",
+                "The nearest edge gets the name; another one may be meant.",
+                "give a point on the edge",
+            )
+
+
+def _going_on_straight(study: Study, geometry: Geometry) -> Iterator[str]:
+    """Yield a warning for every CAD edge that goes on from a named one along the same line or
+    circle, under the name of all others and with another role."""
+    scene = study.scenes[0]
+    brep, roles = scene.body.brep, dict(scene.boundary)
+    assert brep is not None
+    if brep.other in dict(brep.edges):
+        return
+    slack = ACCURACY * geometry.size
+    pieces = geometry.samples()
+    others = [piece for name, piece, _ in pieces if name == brep.other]
+    for name, piece, _ in pieces:
+        if name == brep.other or roles.get(name) == roles.get(str(brep.other)):
+            continue
+        for other in others:
+            if touches(piece, other, slack) and is_on_curve(piece, other, slack):
+                x, y = other[len(other) // 2].tolist()
+                place = brep.place_in_words((x, y))
+                yield note(
+                    f"the edge {name} goes on as {brep.other} along the same line",
+                    f"The CAD file has cut it in two: the piece around {place} is {brep.other}.",
+                    f"add {brep.entry((x, y))} to edges.{name}, or give the piece a name",
+                )
+
+
+def touches(piece: Points, other: Points, slack: float) -> bool:
+    """Return whether two curves (n, 2) share an end."""
+    apart = piece[[0, -1]][:, None] - other[[0, -1]][None]
+    return bool(np.hypot(apart[..., 0], apart[..., 1]).min() <= slack)
+
+
+def is_on_curve(piece: Points, other: Points, slack: float) -> bool:
+    """Return whether the points of one curve lie on the line or the circle of another."""
+    first, middle, last = piece[0], piece[len(piece) // 2], piece[-1]
+    chord = last - first
+    length = float(np.hypot(*chord))
+    if length <= slack:
+        return False
+    across = np.array([-chord[1], chord[0]]) / length
+    sagitta = float(across @ (middle - first))
+    offsets = (other - first) @ across
+    if abs(sagitta) <= slack:
+        reach = max(1.0, float(np.max(np.hypot(*(other - first).T))) / length)
+        return bool(np.max(np.abs(offsets)) <= slack * reach)
+    radius = 0.5 * (0.25 * length**2 / sagitta + sagitta)
+    centre = 0.5 * (first + last) + (sagitta - radius) * across
+    off_circle = np.concatenate([piece, other]) - centre
+    return bool(np.max(np.abs(np.hypot(*off_circle.T) - abs(radius))) <= slack)
 
 
 NEARLY_INCOMPRESSIBLE = 0.45

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from netgen import occ
 
+import tcstudy
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.records import Edge
 from tcstudy.study.lint import faults, lint, loaded, warnings
@@ -78,6 +79,102 @@ def test_temperature_loads_a_body_only_with_beta() -> None:
     swept = read_study_text(SI + "sweep: {theta_bar: [0, 20], E: [1 GPa, 2 GPa]}\n")
     assert loaded(swept.scenes).tolist() == [False, False, True, True]
     assert any(note.startswith("nothing loads 2 of 4 points") for note in lint(swept))
+
+
+FREE = "boundary.right=free"
+ABSOLUTE = "temperatures count from the stress-free state"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "key"),
+    [
+        (["boundary.right={role: convection, theta_bar: 293.15 K}"], "boundary.right.theta_bar"),
+        (["boundary.top={role: free, heat: {theta: 280 K}}"], "boundary.top.heat.theta"),
+        (["sweep={theta_bar: [0 K, 20 K, 273.15 K]}"], "theta_bar"),
+        ([FREE, "heat={theta: '293 + 20*x'}"], "theta"),
+        ([FREE, "heat={theta: '200*(1.5 - 0.1*x)'}"], "theta"),
+        (["parameters={room: 295 K}", FREE, "heat={theta: 'room - 10*y'}"], "theta"),
+        (["path={parameter: theta_bar, from: 290 K, to: 350 K}"], "theta_bar"),
+        (["path={parameter: theta_bar, from: 0 K, to: 400 K, at: [300 K]}"], "theta_bar"),
+        (["history={memory: friction, steps: [{theta_bar: 30}, {theta_bar: 303 K}]}"], "theta_bar"),
+        (["sweep={theta_bar: [0, 20, 30]}"], ""),
+        ([FREE, "heat={theta: '40*x'}"], ""),
+        (["path={parameter: theta_bar, from: 0 K, to: 60 K}"], ""),
+        (["material.alpha_T=0", "boundary.right={role: convection, theta_bar: 293.15 K}"], ""),
+    ],
+)  # fmt: skip
+def test_an_absolute_temperature_is_told_wherever_it_enters(overrides: list[str], key: str) -> None:
+    text = SI.replace("293 K", "20 K")
+    notes = [note for note in lint(read_study_text(text, "a.yaml", overrides)) if ABSOLUTE in note]
+    assert [note.split(" = ")[0] for note in notes] == [key] * bool(key)
+    assert all(note.count("\n") == 2 and "\n  Fix: " in note for note in notes)
+
+
+def test_an_absolute_temperature_of_a_table_or_from_python_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("warm [K],slip [um]\n290,1\n300,2\n310,3\n")
+    (tmp_path / "a.yaml").write_text(SI.replace("293 K", "20 K"))
+    data = "{file: a.csv, columns: {theta_bar: 'warm [K]', u_T_max: 'slip [um]'}}"
+    fit = f"fit={{data: {data}, parameters: {{friction.tau: {{start: 1 MPa, within: [0.1 MPa, 9 MPa]}}}}}}"
+    [note] = [note for note in lint(read_study(tmp_path / "a.yaml", [fit])) if ABSOLUTE in note]
+    assert note.startswith("theta_bar = 290 K: ")
+    changed = tcstudy.load(tmp_path / "a.yaml").with_({"boundary.right.theta_bar": 288.0})
+    assert any(note.startswith("boundary.right.theta_bar = 288 K: ") for note in lint(changed))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "start"),
+    [
+        (["material.alpha_T=12e-3", FREE, "heat={theta: 50 K}"], "theta = 50 K would strain the body by 0.6"),
+        (["material.alpha_T=1e-3", "path={parameter: theta_bar, from: 0 K, to: 200 K}"],
+         "theta_bar = 200 K would strain the body by 0.2"),
+        (["boundary.left={role: clamped, u_x: 1}"],
+         "boundary.left.u_x = 1 m would strain the body by 0.45"),
+        (["path={parameter: boundary.left.u_x, from: 0, to: -2}", "boundary.left={role: clamped, u_x: 0}"],
+         "boundary.left.u_x = 2 m would strain the body by 0.89"),
+        (["boundary.left={role: clamped, u_x: '0.5*y'}"],
+         "boundary.left.u_x = 500 mm would strain the body by 0.22"),
+        (["history={memory: friction, steps: [{boundary.left.u_x: 3}]}", "boundary.left={role: clamped, u_x: 0}"],
+         "boundary.left.u_x = 3 m would strain the body by 1.3"),
+        (["boundary.left={role: clamped, u_x: 0.1}"], ""),
+        (["material.alpha_T=1e-3", FREE, "heat={theta: 50 K}"], ""),
+    ],
+)  # fmt: skip
+def test_a_strain_that_the_load_imposes_is_told(overrides: list[str], start: str) -> None:
+    """Of a body with a diagonal of √5 m."""
+    notes = lint(read_study_text(SI.replace("293 K", "20 K"), "a.yaml", overrides))
+    strained = [note for note in notes if "would strain" in note]
+    assert [note.split("\n")[0] for note in strained] == [start] * bool(start)
+
+
+BOND = """
+body: {rectangle: {width: 200 mm, height: 1 mm}}
+boundary: {bottom: contact, left: free, top: free, right: {role: clamped, u_x: 0.1 mm}}
+material: {E: 200 GPa, nu: 0, plane: stress}
+friction: {law: slip-weakening, tau_s: 10 MPa, tau_k: 0 MPa, delta: 4 um}
+mesh: {maxh: 20 mm}
+"""
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        ([], ("elements of 20 mm", "zone of 14 mm", "0.7 cells", "52 % too high", "2.81 mm")),
+        (["mesh.maxh=10 mm"], ("zone of 14 mm", "1.4 cells", "12 % too high")),
+        (["mesh={maxh: 20 mm, levels: 3}"], ("elements of 5 mm", "2.8 cells", "4 % too high")),
+        (["mesh={maxh: [20 mm, 4 mm]}"], ("elements of 4 mm", "3.5 cells")),
+        (["friction.delta=16 um"], ("zone of 28.1 mm", "1.4 cells")),
+        (["friction.tau_k=7.5 MPa"], ("zone of 28.1 mm",)),
+        (["body.rectangle.height=100 m", "material.E=2 GPa"], ("zone of 838 um", "at least 52 %")),
+        (["mesh.maxh=2.8 mm"], ()),
+        (["friction={law: tresca, tau: 1 MPa}"], ()),
+    ],
+)  # fmt: skip
+def test_elements_too_long_for_the_softening_zone(overrides: list[str], words: tuple[str]) -> None:
+    """(π/2) √(E t/ω) of a strip, (π/2) 4μ/3ω of a thick body with ν = 0 (λ = 0, E = 2μ)."""
+    notes = lint(read_study_text(BOND, "a.yaml", overrides))
+    coarse = [note for note in notes if "softening zone" in note]
+    assert len(coarse) == bool(words)
+    assert all(word in note for note in coarse for word in words), coarse
 
 
 PULL = "boundary.top={role: traction, g: [0, 100 Pa]}"
@@ -170,7 +267,7 @@ def found(tmp_path: Path, text: str, *overrides: str) -> list[str]:
         ("bore: [[0.01, 0.006]]", "bore: [[0.01, 0.006]], top: [[0.011, 0.005]]",
          "study.yaml:4:40: body.file.edges.bore: no edge of the face has the name 'bore': another name has a point"),
         ("[[0.01, 0]]", "[[10, 0]]",
-         "study.yaml:3:5: body.file: plate.step: the point (10, 0) m of edges.bottom is 9.98 m away from the nearest edge"),
+         "study.yaml:3:5: body.file: plate.step: the point (10, 0) m of edges.bottom is 9.98 m away from the"),
         ("[[0.01, 0]]", "[[0, 0]]",
          "study.yaml:3:5: body.file: plate.step: the point (0, 0) m of edges.bottom is as near to two edges; give the"),
         ("    path: plate.step", "    face: 3\n    path: plate.step",
@@ -185,6 +282,56 @@ def test_a_fault_has_its_line_and_remedy(tmp_path: Path, old: str, new: str, lin
     (problem,) = found(tmp_path, text)
     assert problem.startswith(line), problem
     assert "; " in problem
+
+
+@pytest.mark.parametrize(
+    ("side", "named", "words"),
+    [
+        ("[0.012, 0]", "bottom", ""),
+        ("[0.007, 0.00000004]", "bottom", "is 4e-08 m off its edge"),
+    ],
+)
+def test_a_point_off_its_edge_is_told(tmp_path: Path, side: str, named: str, words: str) -> None:
+    assert found(tmp_path, STUDY.replace("[[0.01, 0]]", f"[{side}]")) == []
+    notes = [note for note in lint(read_study(tmp_path / "study.yaml")) if f"edges.{named}" in note]
+    assert [words in note for note in notes] == [True] * bool(words), notes
+
+
+SPLIT = """body: {file: {path: split.step, edges: EDGES, other: rest}}
+boundary: {bottom: contact, left: clamped, rest: free}
+material: {E: 210 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 20 mm}
+"""
+
+
+def test_a_cad_edge_that_goes_on_under_another_name_is_told(tmp_path: Path) -> None:
+    """A slanted line in three pieces, of which one is named; then its two neighbours, too; then the
+    half of a circle."""
+    corners = [(0, 0), (80, 8), (120, 12), (200, 20), (200, 80), (0, 80)]
+    points = [occ.Pnt(x, y, 0) for x, y in corners]
+    outline = [occ.Segment(a, b) for a, b in pairwise([*points, points[0]])]
+    above, below = ((100, 60 + y) for y in (10, -10))
+    ends = occ.Pnt(90, 60, 0), occ.Pnt(110, 60, 0)
+    hole = [
+        occ.ArcOfCircle(ends[0], occ.Pnt(*above, 0), ends[1]),
+        occ.ArcOfCircle(ends[1], occ.Pnt(*below, 0), ends[0]),
+    ]
+    plate = occ.Face(occ.Wire(outline)) - occ.Face(occ.Wire(hole))
+    plate.WriteStep(str(tmp_path / "split.step"))
+
+    def said(edges: str) -> list[str]:
+        (tmp_path / "split.yaml").write_text(SPLIT.replace("EDGES", edges))
+        notes = lint(read_study(tmp_path / "split.yaml"))
+        return [note for note in notes if "goes on as rest" in note]
+
+    left = "left: [[0 mm, 40 mm]]"
+    notes = said(f"{{bottom: [[100 mm, 10 mm]], {left}}}")
+    remedies = [note.rpartition("Fix: add ")[2].split(" to ")[0] for note in notes]
+    assert remedies == ["[40 mm, 4 mm]", "[160 mm, 16 mm]"]
+    assert said(f"{{bottom: [[100 mm, 10 mm], {', '.join(remedies)}], {left}}}") == []
+    [note] = said("{bottom: [[100 mm, 70 mm]], left: [[0 mm, 40 mm]]}")
+    assert "[100 mm, 50 mm]" in note
 
 
 def test_a_sound_study_has_no_fault_and_an_option_is_named_as_such(tmp_path: Path) -> None:

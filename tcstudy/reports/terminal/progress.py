@@ -158,7 +158,7 @@ def forecast_text(
     above = filter(None, (solutions if plan.bytes else plan.asked, work))
     below = [
         *(f"left out: {text}" for text in plan.left_out),
-        *(f"note: {text}" for text in plan.notes),
+        *(f"note: {text}".replace("\n", "\n  ") for text in plan.notes),
         *more,
     ]
     below += filter(None, (f"output: {output}{size}", time))
