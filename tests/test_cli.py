@@ -107,15 +107,18 @@ def test_a_finished_study_ends_at_once_and_another_one_asks(ran: tuple[Path, Sai
 
 def test_plan_touches_nothing(folder: Path) -> None:
     result = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder, code=0)
-    for said in ("2 points × 2 levels = 4 solutions", "left out: heat problem: ", "level  maxh ",
-                 " s of CPU time, about 0.3 GB\n"):  # fmt: skip
+    for said in ("2 points × 2 levels = 4 solutions", "  Left out  heat problem: ", "level  maxh ",
+                 " s of CPU time, about 0.3 GB\n", "  Output    results/block.nc\n"):  # fmt: skip
         assert said in result.stdout
-    assert "about" not in result.stdout.split("left out")[0]  # sizes are counted
+    [mesh] = [line for line in result.stdout.splitlines() if line.startswith("  Mesh")]
+    assert "about" not in mesh  # sizes are counted
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
     found = json.loads(
         tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout
     )
     assert (found["points"], len(found["levels"])) == (2, 2)
+    assert found["verdict"]["work"] == ["2 points × 2 levels = 4 solutions"]
 
 
 PATH = "--set=path={parameter: load, from: 0, to: 2} "

@@ -2,6 +2,7 @@
 again by its readers."""
 
 import json
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ import netCDF4
 import pytest
 
 import tcstudy
+from tcstudy.cli import main
 from tcstudy.data.files import remarks_of
 from tcstudy.read.study import read_study_text
 from tests.commands import tcstudy_command
@@ -71,6 +73,21 @@ def test_a_result_that_run_returned_warns_no_more(tmp_path: Path) -> None:
     for of, count in ((result, 0), (opened, 1), (opened, 0), (tmp_path / "out.nc", 1)):
         assert len(told(lambda of=of: tcstudy.draw(of))) == count
         assert len(told(result._repr_html_)) == 0
+
+
+def test_a_terminal_shows_them_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both streams of a terminal are read together; of a pipe each is read alone."""
+    monkeypatch.chdir(tmp_path)
+    Path("s.yaml").write_text(STUDY)
+    for terminal, count in ((True, 1), (False, 2)):
+        for stream in (sys.stdout, sys.stderr):
+            monkeypatch.setattr(stream, "isatty", lambda terminal=terminal: terminal)
+        assert main(["run", "s.yaml", "--set", "mesh.levels=1", "--force"]) == 0
+        shown = capsys.readouterr()
+        assert f"{shown.out}{shown.err}".replace("\n    ", " ").count(LOCKING) == count
+        assert ("1 warning, see above" in shown.out) == terminal
 
 
 def test_readers_repeat_them(tmp_path: Path) -> None:

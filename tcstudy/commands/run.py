@@ -175,7 +175,7 @@ def _made(
         from tcstudy.commands.results import picture
 
         below.insert(0, str(picture(output, options.plot, at=drawn)))
-    shared.say(options, output, ["", *(f"  {line}" for line in below)])
+    shared.say(options, output, ["", *(f"  {line}" for line in below)], warned=not there)
     return SOME_FAILED if shortfalls(output) else OK
 
 
@@ -185,13 +185,15 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
         study = options.read = outside_the_sweep(study)
     from tcstudy.data.files import already_there
     from tcstudy.reports.export import json_text
-    from tcstudy.reports.terminal.progress import expected_words, forecast_text
+    from tcstudy.reports.terminal.progress import expected_words, forecast_lines, forecast_text
+    from tcstudy.reports.text import facts_by_label
     from tcstudy.study.plan import hands, plan, resources
 
     forecast = plan(study)
     workers, work = hands(study, forecast.levels, options.jobs)
     expected = resources(study, forecast, workers)
     time = expected_words(expected, at_most=study.mesh.open_ended)
+    more = already_there(output, study)
     if options.manner == "json":
         about = {
             "kind": "plan",
@@ -199,13 +201,14 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
             "output": str(output),
             "most_levels": study.mesh.levels,
         }
-        print(json_text({**about, **asdict(forecast), **asdict(expected)}))
+        lines = forecast_lines(study, forecast, more, output, work, time)
+        verdict = facts_by_label(lines)
+        print(json_text({**about, "verdict": verdict, **asdict(forecast), **asdict(expected)}))
     elif options.manner == "quiet":
         print(
             f"{options.study}: {forecast.asked or f'{forecast.points} × {study.mesh.levels} solutions'}: {time}"
         )
     else:
-        more = [f"note: {text}" for text in already_there(output, study)]
         with shared.spoken(options):
             print(forecast_text(study, forecast, more, output, work, time))
     return OK

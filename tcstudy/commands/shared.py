@@ -140,19 +140,24 @@ def spoken(options: argparse.Namespace) -> Iterator[None]:
 
 
 def say(
-    options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: str | None = None
+    options: argparse.Namespace,
+    path: Path,
+    below: Sequence[str] = (),
+    of: str | None = None,
+    warned: bool = False,
 ) -> None:
     """Print what a result file says in the manner asked for: its tables, one line, or one JSON
     object.
 
-    below: lines after the tables;  of: the number whose indices are shown, of a run of a design for them
+    below:  lines after the tables;  of: the number whose indices are shown, of a run of a design for them
+    warned: whether the warnings stand on standard error already; a terminal then shows them once
 
     Raises StoreError where the file was changed after it was written and does not hold what it
     should.
     """
     from tcstudy.data.files import attributes, reading, remarks_of, tell
     from tcstudy.reports.terminal.summary import text_of, verdict_of
-    from tcstudy.reports.text import wrapped
+    from tcstudy.reports.text import counted, wrapped
 
     with reading(path), spoken(options):
         remarks = remarks_of(attributes(path))
@@ -171,5 +176,8 @@ def say(
                     [text_of(path, options.manner == "verbose", point, of).rstrip("\n"), *below]
                 )
             )
+            if remarks and warned and sys.stdout.isatty() and sys.stderr.isatty():
+                print(f"  {counted(len(remarks), 'warning')}, see above")
+                return
             notes = [str(one).replace("\n", "\n  ") for one in remarks]
             print("".join(wrapped(f"  warning: {one}") + "\n" for one in notes), end="")

@@ -345,6 +345,16 @@ class Heading:
     level: int = 2
 
 
+def facts_by_label(lines: Iterable[tuple[str, str]]) -> dict[str, tuple[str, ...]]:
+    """Return the texts of lines (label, text) by their labels in lower case; empty ones left out."""
+    facts = dict[str, tuple[str, ...]]()
+    for label, text in lines:
+        if text:
+            key = label.lower().replace(" ", "_")
+            facts[key] = (*facts.get(key, ()), text)
+    return facts
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What a result file says first: a few facts under each label, each fact a line.
@@ -365,10 +375,7 @@ class Verdict:
     @classmethod
     def of_lines(cls, lines: Iterable[tuple[str, str]], complete: bool = True) -> Verdict:
         """Return the verdict of lines (label, text)."""
-        facts = dict[str, tuple[str, ...]]()
-        for label, text in lines:
-            facts[label.lower()] = (*facts.get(label.lower(), ()), text)
-        return cls(**facts, complete=complete)
+        return cls(**facts_by_label(lines), complete=complete)
 
     @property
     def fields(self) -> dict[str, tuple[str, ...]]:

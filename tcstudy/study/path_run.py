@@ -48,7 +48,6 @@ from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Branch, Direction, PathPlan, Study
-from tcstudy.study.lint import loaded
 from tcstudy.study.run import stages, to_file
 
 Array = NDArray[np.float64]
@@ -370,9 +369,8 @@ def execute_path(
     """
     unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
     alone, plan = replace(study, axes=(), variants=()), study.path
-    if plan is not None:  # of the scene as it is written, without load at the end farther from zero
-        farther = path_scene(plan.scene, plan.parameter, max(plan.begin, plan.end, key=abs))
-        alone = replace(alone, scenes=(plan.scene if loaded([plan.scene]).all() else farther,))
+    if plan is not None:
+        alone = replace(alone, scenes=(plan.scene,))
 
     def find() -> Record:
         record = follow_path(study, progress)

@@ -73,6 +73,13 @@ def test_a_scene_that_nothing_loads(change: str, words: str) -> None:
     assert [note.split(":")[0] for note in found] == ([words] if words else [])
 
 
+def test_a_path_loads_its_scene() -> None:
+    held = "boundary.left={role: clamped, u_x: 0, u_y: 0}"
+    study = study_of(RECTANGLE, held, "path={parameter: boundary.left.u_x, from: 0, to: 1}")
+    notes = [*map(str, warnings(study)), *plan(study).notes]
+    assert not [note for note in notes if "nothing loads" in note]
+
+
 def test_temperature_loads_a_body_only_with_beta() -> None:
     assert loaded(study_of(HEATED_BRACKET).scenes).all()
     assert not loaded(read_study_text(SI.replace(", alpha_T: 1e-5", "")).scenes).any()

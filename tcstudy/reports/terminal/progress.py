@@ -24,12 +24,14 @@ from tcstudy.reports.text import (
     columns_table,
     counted,
     kind,
+    labelled,
     named,
     number,
+    prefix,
+    pretty,
     quantity,
     span,
     with_unit,
-    wrapped,
 )
 from tcstudy.scene.study import Study
 
@@ -136,18 +138,11 @@ class Progress:
 def forecast_text(
     study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str
 ) -> str:
-    """Counts, sizes, what is left out and why.
+    """Return the labelled lines of a dry run and, of several levels, their table.
 
     plan: the `tcstudy.study.plan.Plan` of the study;  more: lines after its notes
     work: who solves the contact problems, in words;  time: what a run would take, in words
     """
-    times = study.history.steps if study.history is not None else study.mesh.levels
-    most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
-    of = counted(times, "step") if study.history is not None else f"{most}{counted(times, 'level')}"
-    solutions = (
-        f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
-    )
-    size = f" ({up_to}about {plan.bytes / 1e6:.2g} MB)" if plan.bytes else ""
     unit = "1" if study.units == "none" else "m"
     columns = [
         TextColumn("level", [str(i) for i in range(len(plan.levels))]),
@@ -155,15 +150,47 @@ def forecast_text(
         TextColumn("dofs", [_count(v.n_dof, v) for v in plan.levels], 2),
         TextColumn("contact unknowns", [_count(v.n_contact, v) for v in plan.levels], 3),
     ]
-    above = filter(None, (solutions if plan.bytes else plan.asked, work))
-    below = [
-        *(f"left out: {text}" for text in plan.left_out),
-        *(f"note: {text}".replace("\n", "\n  ") for text in plan.notes),
-        *more,
-    ]
-    below += filter(None, (f"output: {output}{size}", time))
-    first, last = ("\n".join(f"  {line}" for line in lines) for lines in (above, below))
-    return wrapped("\n\n".join((study.title, first, columns_table(columns), last)))
+    table = [columns_table(columns)] if len(plan.levels) > 1 else []
+    first = labelled(forecast_lines(study, plan, more, output, work, time))
+    return "\n\n".join((study.title, first, *table))
+
+
+def forecast_lines(
+    study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str
+) -> list[tuple[str, str]]:
+    """Return what a run of a study would do and take, as labelled lines; arguments as of
+    `forecast_text`."""
+    times = study.history.steps if study.history is not None else study.mesh.levels
+    most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
+    of = counted(times, "step") if study.history is not None else f"{most}{counted(times, 'level')}"
+    solutions = (
+        f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
+    )
+    lines = [("Work", solutions if plan.bytes else plan.asked), ("Work", work)]
+    if plan.levels:
+        lines.append(("Mesh", _mesh_words(study, plan.levels)))
+    lines.append(("Cost", time))
+    if plan.bytes:
+        lines.append(("Cost", f"{up_to}about {plan.bytes / 1e6:.2g} MB on disk"))
+    lines.append(("Output", str(output)))
+    notes = [*plan.notes, *more]
+    lines.append(("Checks", f"no errors, {counted(len(notes), 'note') if notes else 'no notes'}"))
+    lines += [("Left out", text) for text in plan.left_out]
+    return lines + [("Note", line) for text in notes for line in text.split("\n")]
+
+
+def _mesh_words(study: Study, levels: Sequence[Any]) -> str:
+    """Return the sizes of the meshes and the counts of the finest."""
+    unit = "1" if study.units == "none" else "m"
+    sizes = [level.h for level in levels]
+    words = f"maxh {with_unit(sizes[0], unit)}"
+    if len(levels) > 1:
+        divisor, prefixed = prefix(sizes, unit)
+        ends = [number(size / divisor) for size in (sizes[0], sizes[-1])]
+        words = f"maxh {' to '.join(ends)} {pretty(prefixed)}".rstrip() + "; finest"
+    finest = levels[-1]
+    dofs, contact = (_count(n, finest) for n in (finest.n_dof, finest.n_contact))
+    return f"{words}: {dofs} dofs, {contact} contact unknowns"
 
 
 def _count(value: int, level: Any) -> str:
