@@ -19,14 +19,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.contact import all_solutions as enumeration
 from tcstudy.contact import certificates
 from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria, Limits
 from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import ContactProblem as PlainProblem
-from tcstudy.contact.solve import Answer, solve_contact
+from tcstudy.contact.solve import Answer, known_solutions, solve_contact
 from tcstudy.errors import ProblemError
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
@@ -165,7 +164,7 @@ def all_solutions(
     if not 1e-8 <= law_error < 1.0:
         raise ProblemError(f"law_error = {law_error!r} must lie between 1e-8 and 1")
     try:
-        return enumeration.all_solutions(problem, Limits(max_boxes, max_seconds), law_error)
+        return known_solutions(problem, Limits(max_boxes, max_seconds), law_error)
     except (GrowthError, ValueError) as error:
         raise ProblemError(f"no list of solutions: {error}") from error
 

@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,6 +56,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+SAME = 1e-7
+"""Solutions that differ by less than this part of the largest slip are one."""
 LAW_ERROR = 1e-3
 """Of the polygon of a law with exponential pieces, relative to its scale."""
 EPS = float(np.finfo(float).eps)
@@ -89,7 +91,8 @@ class Limits:
 class Equilibria:
     """The solutions of one problem, lowest energy first.
 
-    v:         (S, m) slips [m], each proved to be within rounding of one solution;  xi: (S, m) l̃ − Ãv [N/m]
+    v:         (S, m) slips [m], each proved to be within rounding of one solution, or found by the solver where
+               these are not all;  xi: (S, m) l̃ − Ãv [N/m]
     energy:    (S,) L̃ [J/m];  stable: (S,) strict local minimum
     sides:     (S, m) side of its polygon that every node is on, which tells solutions apart
     complete:  True if these are proved to be all;  reason: why they are not, "" if they are
@@ -127,16 +130,12 @@ def of_rows(
     lambda_1: float | None = None,
 ) -> list[Equilibria]:
     """The same of every row of problems on one body, whose λ₁ may be known [Pa/m]."""
-    A_tilde, c, loads, laws, index = rows.A_tilde, rows.c, rows.l_tilde, rows.law, rows.law.index
-    limits, lambda_1, errors = (
-        limits or Limits(),
-        lambda_1 or rows.body.lambda_1,
-        np.zeros(len(loads)),
-    )
-    if not laws.piecewise_linear:
-        errors[:] = np.where(np.any(laws.bent, axis=-1)[index].any(-1), law_error, 0.0)
-        far = float(np.max(reach_of(c, laws, loads, lambda_1), initial=0.0))
-        laws = laws.mapped(lambda law: piecewise_linear(law, law_error, far))
+    A_tilde, c, loads, index = rows.A_tilde, rows.c, rows.l_tilde, rows.law.index
+    limits, lambda_1 = limits or Limits(), lambda_1 or rows.body.lambda_1
+    errors = np.zeros(len(loads))
+    if not rows.law.piecewise_linear:
+        errors[:] = np.where(np.any(rows.law.bent, axis=-1)[index].any(-1), law_error, 0.0)
+    laws = polygon_laws(rows, law_error, lambda_1)
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
     cells = problems.search(limits)
     at = problems.segments(cells.problem, cells.sides, loads[cells.problem], problems.change)
@@ -158,6 +157,58 @@ def of_rows(
         v, told = v[k], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
         found.append(Equilibria(v, solved.xi(v), energy[k], stable[k], cells.sides[sure][k], *told))
     return found
+
+
+def polygon_laws(rows: ContactProblem, law_error: float, lambda_1: float) -> Laws:
+    """Return the laws of rows of problems with straight pieces in the place of exponential ones."""
+    laws = rows.law
+    if laws.piecewise_linear:
+        return laws
+    reach = reach_of(rows.c, laws, rows.l_tilde, lambda_1)
+    largest_slip = float(np.max(reach, initial=0.0))
+    return laws.mapped(lambda law: piecewise_linear(law, law_error, largest_slip))
+
+
+def with_solution(equilibria: Equilibria, problem: ContactProblem, v: Array) -> Equilibria:
+    """Return the solutions of one problem and v (m,), another one, unless it is among them.
+
+    The laws of the problem must be piecewise linear.
+    """
+    largest = float(np.max(np.abs(v), initial=0.0))
+    apart = np.max(np.abs(equilibria.v - v), axis=1, initial=0.0)
+    if np.any(apart <= SAME * largest):
+        return equilibria
+    energy = np.append(equilibria.energy, problem.energy(v))
+    order = np.argsort(energy, kind="stable")
+    stable = np.append(equilibria.stable, strict_minimum(problem.rows, v[None]))
+    return replace(
+        equilibria,
+        v=np.concatenate([equilibria.v, v[None]])[order],
+        xi=np.concatenate([equilibria.xi, problem.xi(v)[None]])[order],
+        energy=energy[order],
+        stable=stable[order],
+        sides=np.concatenate([equilibria.sides, sides_at(problem.law, v)[None]])[order],
+    )
+
+
+def sides_at(laws: Laws, v: Array) -> Index:
+    """Return the side of its polygon that every slip v (m,) is on, at a bend the one to its left."""
+    at = laws.locate(v)
+    is_upright = at.on & (laws.kind(at) != BEND)
+    # a law of K kinks has K + 1 pieces, but 2 K + 1 codes of pieces and upright sides
+    codes = 2 * at.piece + is_upright - laws.node_index(len(v))
+    return sides_of_codes(laws)[codes]
+
+
+def sides_of_codes(laws: Laws) -> Index:
+    """Return the side of its polygon that every code of the laws' graph is.
+
+    The polygons leave out the upright sides where a law only bends.
+    """
+    kinds = laws.tables.kinds
+    kept = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
+    kept[:, 1::2] = kinds != BEND
+    return np.asarray((np.cumsum(kept, axis=-1) - 1).ravel(), dtype=np.intp)
 
 
 def unproved(limit: str, undecided: int, count: int) -> str:

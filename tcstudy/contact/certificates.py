@@ -529,14 +529,21 @@ def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> F
 
 
 def strict_minimum(rows: ContactProblem, v: Array) -> Flags:
-    """(R,) the second-order test with nodes that rest without slack counted as free (sufficient,
-    not necessary)."""
+    """Return (R,) whether the second-order test proves v, sufficient but not necessary.
+
+    Nodes that rest without slack count as free. A node at the end of a rising piece that is narrow
+    is inside it if its traction is: slips do not resolve such a piece.
+    """
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
     on_up = rows.law.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
     least = np.minimum(rows.law.slope(v, s.at.piece), rows.law.slope(v, s.at.piece + s.at.on))
+    for piece in (s.at.piece, s.at.piece + s.at.on) if rows.law.has_narrow_pieces else ():
+        low, high = (body.c * b for b in rows.law.end_values(piece))
+        inside = s.at.on & rows.law.narrow(piece) & (low < xi - noise) & (xi + noise < high)
+        least = np.where(inside, rows.law.slope(v, piece), least)
     added = body.c * (least - body.shift) / kept(body.A_error)
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):

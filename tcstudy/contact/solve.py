@@ -21,7 +21,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import Equilibria, Limits, of_rows
+from tcstudy.contact.all_solutions import (
+    LAW_ERROR,
+    Equilibria,
+    Limits,
+    all_solutions,
+    of_rows,
+    polygon_laws,
+    with_solution,
+)
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Outcome, Status, kept
@@ -135,7 +143,43 @@ def solve_block(
     if limits is not None:
         solutions = of_rows(rows, limits)
         block.take_least(solutions)
-    return replace(block.answer(prove), solutions=solutions)
+    answer = block.answer(prove)
+    if solutions is not None:
+        solutions = [
+            _with_answer(equilibria, rows, answer, row) for row, equilibria in enumerate(solutions)
+        ]
+    return replace(answer, solutions=solutions)
+
+
+def _with_answer(
+    equilibria: Equilibria, rows: ContactProblem, answer: Answer, row: int
+) -> Equilibria:
+    """Return the solutions of a row with its answer, where they are not proved to be all.
+
+    Solutions of a polygon that stands for an exponential law are those of another problem.
+    """
+    is_solved = answer.status[row] == Status.CONVERGED
+    if equilibria.complete or equilibria.law_error > 0.0 or not is_solved:
+        return equilibria
+    return with_solution(equilibria, rows.single(row), answer.v[row])
+
+
+def known_solutions(
+    problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR
+) -> Equilibria:
+    """Return all solutions of a problem, or those known: at least the one that the solver finds.
+
+    Of laws with exponential pieces they are those of their polygon.
+    """
+    equilibria = all_solutions(problem, limits, law_error)
+    if equilibria.complete:
+        return equilibria
+    rows = problem.rows
+    laws = polygon_laws(rows, law_error, problem.lambda_1)
+    answer = solve_block(rows.body, rows.l_tilde, laws)
+    polygon = ContactProblem.on(rows.body, rows.l_tilde, laws)
+    known = _with_answer(replace(equilibria, law_error=0.0), polygon, answer, 0)
+    return replace(known, law_error=equilibria.law_error)
 
 
 class SolutionBlock:

@@ -331,6 +331,16 @@ class Laws(LawPieces):
             )
 
     @property
+    def has_narrow_pieces(self) -> bool:
+        """Whether some piece is no wider than NARROW roundings of the slip."""
+        return bool(np.any(self._narrow))
+
+    def narrow(self, piece: Index) -> Flags:
+        """Return whether the addressed pieces are no wider than NARROW roundings of the slip."""
+        outer = np.zeros((*self._narrow.shape[:-1], 1), dtype=bool)
+        return np.concatenate([outer, self._narrow, outer], axis=-1).take(piece)
+
+    @property
     def without_narrow_pieces(self) -> Laws:
         """The laws with pieces of up to NARROW roundings of the slip as jumps; the same where there
         are none.
@@ -338,7 +348,7 @@ class Laws(LawPieces):
         No double lies inside the narrowest of them, so that a descent cannot come to rest there; on
         a jump it can.
         """
-        if not np.any(self._narrow):
+        if not self.has_narrow_pieces:
             return self
         if not self.one:
             return self.mapped(lambda law: law.without_narrow_pieces)

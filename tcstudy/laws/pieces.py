@@ -339,6 +339,12 @@ class LawPieces:
         """(left, right) ends of the addressed pieces [m]."""
         return self.lower.take(piece), self.upper.take(piece)
 
+    def end_values(self, piece: Index) -> tuple[Array, Array]:
+        """Return b at the left and the right end of the addressed pieces, NaN at infinity [Pa]."""
+        ends = (np.where(np.isfinite(end), end, np.nan) for end in self.ends(piece))
+        left, right = (self.value(end, piece) for end in ends)
+        return left, right
+
     def kind(self, at: Place) -> NDArray[np.int8]:
         """UP, BEND or DOWN where a slip sits on a kink, BEND elsewhere."""
         return np.where(at.on, self.kind_above.take(at.piece), np.int8(BEND))

@@ -118,3 +118,40 @@ def test_without_a_load_an_exponential_law_has_the_solution_at_rest() -> None:
     equilibria = all_solutions(problem)
     assert equilibria.complete, equilibria.reason
     np.testing.assert_array_equal(equilibria.v, np.zeros((1, 4)))
+
+
+@pytest.mark.parametrize("kind", ["saw-tooth", "exponential"])
+def test_what_a_limit_cuts_off_has_the_solution_of_the_solver(kind: str) -> None:
+    problem = saw_tooth(5.0 if kind == "saw-tooth" else 4.0)
+    if kind == "exponential":
+        law = tcstudy.law("exponential", a=4.0, b=1.0, delta=1.0)
+        problem = ContactProblem(problem.A_tilde, problem.l_tilde, problem.c, law)
+    few = tcstudy.all_solutions(problem, max_boxes=1)
+    assert not few.complete
+    assert few.reason == "the limit of 1 boxes was met"
+    whole = tcstudy.all_solutions(problem)
+    v = few.v[0]
+    listed = np.flatnonzero(np.max(np.abs(whole.v - v), axis=1) < 1e-7)
+    assert len(listed) == 1
+    np.testing.assert_array_equal(few.sides[0], whole.sides[listed[0]])
+    assert few.stable[0]
+    assert few.energy[0] == pytest.approx(whole.energy[listed[0]], rel=1e-9)
+
+
+@pytest.mark.parametrize("roundings", [1, 2, 8])
+def test_a_node_inside_a_piece_a_few_roundings_wide_is_stable_if_that_rises(roundings: int) -> None:
+    end = 1.0
+    for _ in range(roundings):
+        end = np.nextafter(end, 2.0)
+    for top, is_stable in ((3.0, True), (-1.0, False)):
+        points = [(0.0, 2.0), (1.0, 0.0), (end, top), (2.0, 1.0)]
+        law = tcstudy.law(points=points)
+        traction = 0.4 * top
+        for A in ([[1.0]], [[1.0, -0.3], [-0.3, 1.0]]):
+            m = len(A)
+            load = np.sum(A, axis=1) + traction
+            problem = ContactProblem(np.array(A), load, np.ones(m), law)
+            equilibria = all_solutions(problem)
+            inside = np.all(np.abs(equilibria.xi - traction) < 1e-6, axis=1)
+            assert np.count_nonzero(inside) == 1
+            assert equilibria.stable[inside][0] == is_stable

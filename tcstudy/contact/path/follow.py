@@ -105,6 +105,7 @@ class Follower:
                 "l_1 is zero: the load does not depend on t, so there is no path to follow"
             )
         v = np.asarray(v, dtype=float)
+        problem = problem.without_narrow_pieces
         try:
             walk = locate(problem, v, t)
             ways = rays(walk)

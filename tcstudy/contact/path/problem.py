@@ -100,6 +100,15 @@ class ParametricProblem:
         """The same body and loads under another law."""
         return replace(self, law=law)
 
+    @property
+    def without_narrow_pieces(self) -> ParametricProblem:
+        """The same with pieces a few roundings wide as jumps.
+
+        Slips do not resolve such a piece, while the traction moves along a jump as along any piece.
+        """
+        law = self.law.without_narrow_pieces
+        return self if law is self.law else self.with_law(law)
+
     @cached_property
     def body(self) -> ScaledBody:
         """Ã in working units; raises ValueError if it is not positive definite."""

@@ -33,7 +33,7 @@ from tcstudy.contact.all_solutions import (
     Equilibria,
     Limits,
     PolygonProblems,
-    all_solutions,
+    sides_of_codes,
     unproved,
 )
 from tcstudy.contact.certificates import Proofs
@@ -41,8 +41,8 @@ from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.smooth import SmoothPath
 from tcstudy.contact.solution import polished
+from tcstudy.contact.solve import known_solutions
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BEND
 from tcstudy.scene.study import Acceptance, Direction
 
 Array = NDArray[np.float64]
@@ -271,6 +271,7 @@ def all_branches(
     Raises ValueError for laws with exponential pieces.
     """
     limits, low, high = limits or Limits(), min(begin, end), max(begin, end)
+    problem = problem.without_narrow_pieces
     edge, per_s = np.linspace(0.0, 1.0, SLABS + 1), (high - low) * problem.l_1
     loads = problem.load(low) + 0.5 * (edge[1:] + edge[:-1])[:, None] * per_s
     boxes = PolygonProblems(
@@ -279,7 +280,7 @@ def all_branches(
     cells = boxes.search(limits)
     stopped = bool(np.any(cells.stopped))
     listed = {
-        t: all_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high
+        t: known_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high
     }
     inside = [x.sides for t, x in listed.items() if low <= t <= high]
     sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
@@ -294,7 +295,7 @@ def all_branches(
         found.open_end[one],
     )
     on_branch, branches, missing = set[bytes](), list[Path](), 0
-    follower, side_of = Follower(low, high, MOST_PIECES), _sides(problem)
+    follower, side_of = Follower(low, high, MOST_PIECES), sides_of_codes(problem.law)
     for i, h in [*np.argwhere(open_end).tolist(), *((i, 0) for i in range(len(keys)))]:
         if keys[i] in on_branch:
             continue
@@ -317,12 +318,3 @@ def all_branches(
         limit = f"boxes or time was met where the parameter is {', '.join(parts)}"
     reason = unproved(limit, undecided or missing, count)
     return Branches(tuple(branches), reason, listed)
-
-
-def _sides(problem: ParametricProblem) -> Index:
-    """Side of its polygon that every code of the laws' graph is; the polygons leave out jumps that
-    are none."""
-    kinds = problem.law.tables.kinds
-    kept = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
-    kept[:, 1::2] = kinds != BEND
-    return np.asarray((np.cumsum(kept, axis=-1) - 1).ravel(), dtype=np.intp)

@@ -6,7 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import tcstudy
 from tcstudy.contact.all_solutions import Cells, Limits, PolygonProblems, all_solutions
+from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, PathStatus
 from tcstudy.contact.path.query import all_branches
 from tests.contact.contact_cases import spring
@@ -58,15 +60,15 @@ def test_equal_nodes_are_undecided_and_a_small_change_decides_them() -> None:
 def test_what_a_limit_leaves_is_named_and_followed_from_the_values_asked_for() -> None:
     """Branches that are known in part become whole; of each value it is known whether its list is
     all."""
-    at, more = (0.23, 0.61, 0.87), 0
-    for seed in range(6):
+    at, more = (0.3, 0.61, 0.7), 0
+    for seed in range(12):
         problem, lambda_1, _ = parametric(seed, 3)
         part = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=2), at)
         for branch in part.branches:
             assert branch.end == PathStatus.CLOSED_LOOP or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
         for t, listed in part.listed.items():
             every, count = len(all_solutions(problem.at(t))), len(part.solutions(t)) - len(listed)
-            assert len(listed) <= count <= every
+            assert 1 <= len(listed) <= count <= every
             assert not listed.complete or len(listed) == every
             more += count > len(listed)
     assert more
@@ -95,3 +97,34 @@ def test_a_branch_that_is_lost_is_missed(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all_branches(problem, 0.0, 1.0, 1.0).reason.startswith(
         "the number of solutions, 0, is even"
     )
+
+
+@pytest.mark.parametrize("roundings", [1, 3, 8])
+def test_pieces_a_few_roundings_wide_are_followed_like_jumps(roundings: int) -> None:
+    for seed in range(6):
+        random = np.random.default_rng([seed, roundings])
+        m = 1 + seed % 3
+        root = random.normal(size=(m, m))
+        A = root @ root.T + np.eye(m)
+        points, jumps = [(0.0, 1.5)], [(0.0, 1.5)]
+        for s in (0.3, 1.1):
+            below, above, end = random.uniform(0.0, 1.0), random.uniform(1.0, 3.0), s
+            for _ in range(roundings):
+                end = np.nextafter(end, 9.0)
+            points += [(s, below), (end, above)]
+            jumps += [(s, below), (s, above)]
+        per_t = A @ np.full(m, 1.1) + random.uniform(1.0, 2.0, m)
+        narrow, upright = (
+            ParametricProblem(A, np.zeros(m), per_t, np.ones(m), tcstudy.law(points=corners))
+            for corners in (points, jumps)
+        )
+        lambda_1 = narrow.at(1.0).lambda_1
+        path = Follower(0.0, 2.0).follow(narrow, np.zeros(m), 0.0)
+        assert path.end == PathStatus.RANGE_END
+        branches = all_branches(narrow, 0.0, 2.0, lambda_1)
+        expected = all_branches(upright, 0.0, 2.0, lambda_1)
+        assert branches.complete, branches.reason
+        assert len(branches.branches) == len(expected.branches)
+        for branch, other in zip(branches.branches, expected.branches, strict=True):
+            np.testing.assert_allclose(branch.t, other.t, atol=1e-9)
+            np.testing.assert_array_equal(branch.stable, other.stable)
