@@ -615,17 +615,34 @@ def history_variables(study: Study) -> tuple[FileVariable, ...]:
 
 
 @cache
+def _history_names() -> frozenset[str]:
+    """Return the names of variables and dimensions in files of a history."""
+    tables = (*HISTORY, *MESH_LEVEL, *LINE)
+    names = {name for variable in tables for name in (variable.name, *variable.dims)}
+    return frozenset(names | {"step", "step_name", "cycle", "level", "live", "mesh"})
+
+
+@cache
 def _names() -> frozenset[str]:
     """Return the names of variables and dimensions in files of a swept study, whatever it asks for."""
-    tables = (*HISTORY, *MESH_LEVEL, *LINE, *LEVELS, *_measured())
+    tables = (*LEVELS, *_measured())
     names = {name for variable in tables for name in (variable.name, *variable.dims)}
-    return RESERVED | names | {*BY_ITSELF, "cycle", "step_name"}
+    return RESERVED | names | _history_names() | {*BY_ITSELF}
 
 
 def is_taken(name: str) -> bool:
     """Return whether a file may use a name itself: for a variable, a dimension or a group."""
-    patterns = (NUMBERED, REQUESTED)
-    return name in _names() or any(pattern.fullmatch(name) for pattern in patterns)
+    return name in _names() or _is_numbered_or_requested(name)
+
+
+def is_taken_in_history(name: str) -> bool:
+    """Return whether the file of a history may use a name itself; it has no fields, so that theta
+    may be a load."""
+    return name in _history_names() or _is_numbered_or_requested(name)
+
+
+def _is_numbered_or_requested(name: str) -> bool:
+    return any(pattern.fullmatch(name) for pattern in (NUMBERED, REQUESTED))
 
 
 def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
@@ -679,7 +696,9 @@ def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
     taken = {*axis_names(study.axes)}
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
         extra = DIFFERENCE if units == "K" else {}
-        chosen = free_name(name, keys, lambda choice: choice in taken or is_taken(choice))
+        chosen = free_name(
+            name, keys, lambda choice: choice in taken or is_taken_in_history(choice)
+        )
         taken.add(chosen)
         variable = FileVariable(
             chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra
