@@ -581,15 +581,15 @@ def read_parameters(
     every = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
     given = {name: item for name, item in every.items() if name not in known}
     ctx.unread.difference_update(given)
-    for name, item in given.items():
-        fault = _name_fault(name)
-        if fault:
-            ctx.at(item, fault, f"use at most {MAX_NAME} letters, digits and _", on_key=True)
+    misnamed = {name: fault for name in given if (fault := _name_fault(name))}
+    for name, fault in misnamed.items():
+        remedy = f"use another name, of at most {MAX_NAME} letters, digits and _"
+        ctx.at(given[name], fault, remedy, on_key=True)
     inner = replace(ctx, named={**known})
     for name in _reading_order(ctx, given):
         before = len(ctx.errors)
         value = _number(inner, given[name])
-        if len(ctx.errors) == before:
+        if len(ctx.errors) == before and name not in misnamed:
             inner.named[name] = value
         else:
             inner.unread.add(name)
@@ -602,9 +602,11 @@ def _name_fault(name: str) -> str:
     """Return why a text cannot be the name of a parameter; empty if it can."""
     if len(name) > MAX_NAME:
         return f"the name has {len(name)} characters; at most {MAX_NAME} are possible"
-    if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
-        return f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
-    return ""
+    if name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
+        return f"{name!r} is not a name of a parameter: it has a meaning in expressions"
+    if WORD.fullmatch(name):
+        return ""
+    return f"{shortened(name)!r} is not a name of a parameter: names begin with a letter or _"
 
 
 def _reading_order(ctx: Context, given: Mapping[str, Node]) -> list[str]:

@@ -165,7 +165,8 @@ def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
 
 def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | None:
     path = path_of(key)
-    for own in (("parameters", key), path):  # what a study names goes first
+    named = ("parameters", key.removeprefix("parameters."))  # also a misspelt name with points
+    for own in (named, path):  # what a study names goes first
         if found := _row_at(ctx, root, own):
             if own[0] == "parameters" and own[-1] in ctx.unread:
                 ctx.errors.met_again()
@@ -291,7 +292,8 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
 def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
     """A value of an option that the sweep replaces would be lost without a word."""
     for axis in sweep.axes:
-        node = root.at(*place_of(root, split_path(".".join(axis.path)) or ()))
+        keys = split_path(".".join(axis.path)) or axis.path  # of a misspelt name as they are
+        node = root.at(*place_of(root, keys))
         lost = [one for one in (node.all() if node else ()) if one.mark.file.startswith("--set ")]
         if lost:
             one = sweep.mode == "grid" and not axis.is_whole
