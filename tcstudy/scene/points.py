@@ -170,6 +170,8 @@ def load_axes(study: Study) -> tuple[int, ...]:
         [supports.setdefault(_support(one), len(supports)) for one in scenes.records["boundary"]]
     )
     fixed.append(of_boundary[scenes.which["boundary"]])
+    alpha = np.array([heat.alpha for heat in scenes.records["heat"]])
+    fixed.append(alpha[scenes.which["heat"]])
     return tuple(
         d
         for d, axis in enumerate(study.axes)
@@ -180,8 +182,11 @@ def load_axes(study: Study) -> tuple[int, ...]:
 
 
 def _support(boundary: Boundary) -> tuple[object, ...]:
-    """Return what of a boundary decides the stiffness of its body: roles, held components, springs."""
-    edges = ((name, role.word, role.frame, role.spring, role.u) for name, role in boundary)
+    """Return what of a boundary is no load: roles, held components, springs, heat transfer."""
+    edges = (
+        (name, role.word, role.frame, role.spring, role.heat and role.heat.alpha, role.u)
+        for name, role in boundary
+    )
     return tuple((*about, tuple(x is None for x in u)) for *about, u in edges)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tcstudy.scene.points import Scenes, combinations, count_points, distinct
+from tcstudy.scene.points import Scenes, combinations, count_points, distinct, load_axes
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 GRID = "sweep={alpha: [25, 50], friction.delta: [10 um, 20 um, 30 um], theta_bar: [0, 10]}"
@@ -37,3 +37,14 @@ def test_many_points_are_their_axes():
     last = study.scenes[50**3 - 2]
     assert (last.heat.alpha, last.heat.theta_bar) == (100, 100)
     assert last.friction.b(0.0, +1) == pytest.approx(100 - 99 / 49)
+
+
+def test_axes_of_loads_change_nothing_else():
+    """Not those of heat transfer, laws, materials or supports, nor a list of points."""
+    spring = "boundary.end.spring.normal: [1 GPa/m, 2 GPa/m]"
+    swept = (
+        f"theta_bar: [0, 10], E: [1 GPa, 2 GPa], boundary.end.pressure: [1 MPa, 2 MPa], {spring}"
+    )
+    study = tcstudy.load(QUICKSTART, [f"sweep={{alpha: [25, 50], {swept}}}"])
+    assert [study.axes[d].name for d in load_axes(study)] == ["theta_bar", "pressure"]
+    assert load_axes(tcstudy.load(QUICKSTART, ["sweep={mode: zip, theta_bar: [0, 10]}"])) == ()

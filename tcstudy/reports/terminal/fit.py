@@ -35,11 +35,12 @@ def parts(data: Any, *_: Any) -> Iterator[Part]:
         f"{counted(int(about['evaluations']), 'evaluation')}, {int(about['solves'])} {what} in all; "
         f"AICc {number(float(about['information_criterion']), 5)}"
     )
-    yield "\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), work])
+    yield f"  {work}"
 
 
 def verdict(data: Any) -> Verdict:
-    """Return the fitted numbers with their standard errors, and what speaks against them."""
+    """Return the fitted numbers with their standard errors, and what speaks for and against
+    them."""
     answer = list[str]()
     columns = (
         data[key].values for key in ("parameter", "parameter_units", "estimate", "standard_error")
@@ -50,9 +51,14 @@ def verdict(data: Any) -> Verdict:
         if np.isfinite(error):
             value += f", standard error {number(float(error) / divisor, 3)}"
         answer.append(value)
-    doubts = tuple(text for text, doubt in fit_doubts(data) if doubt)
-    work = f"{data.sizes['row']} data, {int(data.attrs['starts_tried'])} of {int(data.attrs['starts'])} starts tried"
-    return Verdict(answer=tuple(answer), trust=doubts, solved=(work,), complete=not doubts)
+    starts = tuple(text for text, _ in _tried(data))
+    return Verdict(
+        answer=tuple(answer),
+        trust=tuple(text for text, _ in _agreement(data)),
+        accuracy=tuple(text for text, _ in _mesh(data)),
+        solved=(f"{data.sizes['row']} data", *starts),
+        complete=not any(doubt for _, doubt in fit_doubts(data)),
+    )
 
 
 def _estimates(data: Any) -> Table:
@@ -100,8 +106,12 @@ def prediction_error(data: Any) -> NDArray[np.float64]:
 
 
 def fit_doubts(data: Any) -> list[tuple[str, bool]]:
-    """Sentences on what the data do not determine and whether the study has their shape; True where
-    one is a doubt."""
+    """Return what there is to say of a fit beside its numbers; True where it is a doubt."""
+    return [*_agreement(data), *_tried(data), *_mesh(data)]
+
+
+def _agreement(data: Any) -> list[tuple[str, bool]]:
+    """Return what the data do not determine and whether the study has their shape."""
     about = data.attrs
     freedom, square = int(about["degrees_of_freedom"]), float(about["chi_square"])
     found = []
@@ -116,7 +126,7 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
         verdict = (
             "the data do not agree with the study and this noise"
             if p < DOUBT
-            else "as the noise lets expect"
+            else "consistent with the stated noise"
         )
         shown = number(square / max(freedom, 1), 3)
         told = (
@@ -137,7 +147,6 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
                 False,
             )
         )
-    found += [*_tried(data), *_mesh(data)]
     p = float(about["runs_probability"])
     verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"
     told = (
