@@ -15,9 +15,9 @@ from tcstudy.data.files import kind_of, reading
 from tcstudy.data.reading import axis_names, open_root, sweep_dims
 from tcstudy.data.schema import GEOMETRIES, PointStatus
 from tcstudy.errors import DrawError, UsageError, hint
+from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
-from tcstudy.scene.keys import symbol
 
 if TYPE_CHECKING:
     import xarray

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tcstudy.data.bodies import StoredBody
 from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
 from tcstudy.data.store import BRANCH, SWEPT_LOADS
+from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import (
     PROOFS,
     Failure,
@@ -31,7 +32,6 @@ from tcstudy.reports.text import (
     scaled_labels,
     with_unit,
 )
-from tcstudy.scene.keys import symbol
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

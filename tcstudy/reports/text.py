@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from tcstudy.data.files import without_paths
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import NUMBER, ranged
-from tcstudy.scene.keys import GREEK
+from tcstudy.reports.symbols import GREEK
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

@@ -15,7 +15,6 @@ takes its heat transfer coefficient by itself, every other role a section `heat`
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, get_args
@@ -56,39 +55,6 @@ edge;
 sweep points: a list of them, or their number;
 sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a
 sweep."""
-
-
-GREEK = dict(
-    zip(
-        ["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"],
-        "αβδλμνωτθ",
-        strict=True,
-    )
-)
-"""Letters that names spell out."""
-OF_EDGE = r"boundary{0}(\w+?){0}((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)"
-"""Names of what an edge has, with {0} between their parts: the edge and its key."""
-OF_PART = re.compile(r"(?:boundary|friction|materials)\.([^.]+)\.(?:heat\.|spring\.)?([^.]+)")
-"""Key paths of what an edge, the friction of an edge or a region has: its name and the key."""
-
-
-def symbol(name: str) -> str:
-    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself,
-    `friction.points.0` b_0, that of its slip s_0; a column `boundary_grip_u_x` u_x of grip, as
-    `boundary.grip.u_x`; `heat_theta` θ; the rest in words."""
-    if (match := OF_PART.fullmatch(name)) and match[1] != "points":
-        return f"{symbol(match[2])} of {match[1]}"
-    if match := re.fullmatch(OF_EDGE.format("_"), name):
-        return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
-    name = re.sub(r"^(?:heat|friction|material|parameters)_(?=\w)", "", name)
-    if match := re.search(r"\bpoints[._](\d+)([._]s)?$", name):
-        return f"{'s' if match[2] else 'b'}_{match[1]}"
-    letter, _, rest = name.rpartition(".")[2].partition("_")
-    if len(letter) == 1:
-        return name.rpartition(".")[2]
-    if letter not in GREEK:
-        return f"{letter} {rest}".replace("_", " ").strip()
-    return GREEK[letter] + ("\N{COMBINING MACRON}" if rest == "bar" else f"_{rest}" if rest else "")
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,9 @@ from tcstudy.reports.figures.body import (
 from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, scale
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.picture import edge_laws, polylines
+from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.keys import law_rows, symbol
+from tcstudy.scene.keys import law_rows
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Body, Clamped, Role, Scalar

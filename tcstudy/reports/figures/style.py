@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
+from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import pretty
-from tcstudy.scene.keys import symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

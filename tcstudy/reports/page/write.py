@@ -63,11 +63,12 @@ from tcstudy.reports.page.run import (
 from tcstudy.reports.picture import at_rest
 from tcstudy.reports.rounding import SHARE, cleared
 from tcstudy.reports.select_point import axis_symbol, describe
+from tcstudy.reports.symbols import GREEK, symbol
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import solvers_compared, verdict_of
 from tcstudy.reports.text import Verdict, spelled
-from tcstudy.scene.keys import GREEK, ROWS, symbol
+from tcstudy.scene.keys import ROWS
 
 STATES_BYTES = 4_000_000
 """Room for slip and traction along a path; of a longer one some vertices are shown."""

@@ -17,6 +17,7 @@ from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES, PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
+from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import (
     PROOFS,
     Heading,
@@ -35,7 +36,6 @@ from tcstudy.reports.text import (
     with_unit,
 )
 from tcstudy.scene.histories import AT_REST
-from tcstudy.scene.keys import symbol
 
 Array = NDArray[np.float64]
 
