@@ -119,9 +119,30 @@ def options(words: str | None, *numbers: str, **defaults: float) -> argparse.Nam
 
 
 def publish(name: str, lines: Iterable[str], words: str = "") -> None:
-    """Print a page and write it to results/NAME.md, by which command it was made first."""
+    """Print a page and write it to results/NAME.md, by which command it was made first; chapters
+    that other commands add to the page stay."""
     text = "\n".join([f"Made by `python -m tests.benchmarks.{name}{words}`.", *lines, ""])
-    (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
+    page = RESULTS / f"{name}.md"
+    chapters = page.read_text(encoding="utf-8").split(CHAPTER)[1:] if page.is_file() else []
+    kept = (one for one in chapters if MADE in one and f"{MADE}{name}" not in one)
+    page.write_text(text + "".join(CHAPTER + one for one in kept), encoding="utf-8")
+    print(text, end="")
+
+
+CHAPTER, MADE = "\n## ", "Made by `python -m tests.benchmarks."
+"""How a chapter of a page begins, and how it says by which command it was made."""
+
+
+def publish_chapter(page: str, title: str, command: str, lines: Iterable[str]) -> None:
+    """Print a chapter of a page, and put it into results/PAGE.md in place of the one of this title.
+
+    command: the module that makes it, with its words
+    """
+    file = RESULTS / f"{page}.md"
+    first, *chapters = file.read_text(encoding="utf-8").split(CHAPTER)
+    text = "\n".join([f"{title}", "", f"{MADE}{command}`.", *lines, ""])
+    others = [one for one in chapters if one.partition("\n")[0] != title]
+    file.write_text(CHAPTER.join([first, *others, text]), encoding="utf-8")
     print(text, end="")
 
 
