@@ -606,17 +606,32 @@ def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
 
     levels: contact nodes and mesh nodes of each
     """
-    total = 60_000 + len(study.text.encode())
-    total += bytes_of(study, ROOT, {"level": study.mesh.levels, "start": len(START_NAMES)})
+    tables = _expected_tables(study, levels)
+    return _texts(study) + sum(bytes_of(study, variables, sizes) for variables, sizes in tables)
+
+
+def shared_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
+    """Return how much of the expected size several geometries of one file share: all but values."""
+    counts = [len(variables) for variables, _ in _expected_tables(study, levels)]
+    return _texts(study) + BESIDE * sum(counts)
+
+
+def _texts(study: Study) -> int:
+    """Return the bytes of attributes."""
+    return 60_000 + len(study.text.encode())
+
+
+def _expected_tables(
+    study: Study, levels: Sequence[tuple[int, int]]
+) -> Iterator[tuple[Sequence[FileVariable], Mapping[str, int]]]:
+    """Yield the variables of each group with the sizes of their dimensions."""
+    yield ROOT, {"level": study.mesh.levels, "start": len(START_NAMES)}
     for m, n in levels:
-        total += bytes_of(study, CONTACT, {"node": m})
+        yield CONTACT, {"node": m}
         if study.output.fields:
-            total += bytes_of(
-                study, (*MESH, *FIELDS), {"mesh_node": n, "mesh_face": 2 * n, "corner": 3}
-            )
+            yield (*MESH, *FIELDS), {"mesh_node": n, "mesh_face": 2 * n, "corner": 3}
         if study.output.live and m <= 250:
-            total += bytes_of(study, LIVE, {"node": m, "node_column": m})
-    return total
+            yield LIVE, {"node": m, "node_column": m}
 
 
 SENSITIVITY = "sensitivity_"

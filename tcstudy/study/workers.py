@@ -214,7 +214,10 @@ def expected_bytes(study: Study, levels: Sequence[LevelForecast] | None = None) 
     levels: sizes of those that are known, None to predict them
     """
     if study.variants:
-        return sum(expected_bytes(one.study) for one in study.variants if one.study is not None)
+        own = [one.study for one in study.variants if one.study is not None]
+        shared = schema.shared_bytes(own[0], [(0, 0)] * study.mesh.levels)
+        options = sum(len("\n".join(one.overrides).encode()) for one in own)
+        return shared + options + sum(expected_bytes(one) - shared for one in own)
     try:
         levels = predicted(study) if levels is None else levels
     except GeometryFailed:  # which is said elsewhere

@@ -1,6 +1,6 @@
 """All benchmarks that write results, one after the other: `python -m tests.benchmarks`."""
 
-from tests.benchmarks import online, peers, reliability, speed, stability
+from tests.benchmarks import geometries, online, peers, reliability, speed, stability
 
 if __name__ == "__main__":
     speed.main()
@@ -8,3 +8,4 @@ if __name__ == "__main__":
     stability.main()
     reliability.main([])
     online.main()
+    geometries.main()

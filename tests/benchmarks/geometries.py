@@ -8,7 +8,6 @@ PYTHON:  the interpreter of another checkout, whose run of 400 is measured betwe
 
 import os
 import re
-import resource
 import subprocess
 import sys
 import time
@@ -145,7 +144,9 @@ def lines(other: str | None) -> Iterator[str]:
 def main(arguments: Sequence[str] = ()) -> None:
     keep_freed_memory()
     other = next(iter(arguments), None)
-    publish_chapter("speed", "Many geometries", f"geometries{' PYTHON' if other else ''}", lines(other))
+    publish_chapter(
+        "speed", "Many geometries", f"geometries{' PYTHON' if other else ''}", lines(other)
+    )
 
 
 if __name__ == "__main__":
