@@ -60,10 +60,9 @@ from tcstudy.contact.problem import (
     least_lowered,
     pivot_shift,
 )
-from tcstudy.contact.solution import extended
+from tcstudy.contact.solution import Acceptance, extended
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
-from tcstudy.scene.study import Acceptance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -35,6 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -44,7 +45,7 @@ from tcstudy.contact.extended import extended_residual, friction_defect, two_sum
 from tcstudy.contact.newton import factor_free, with_diagonal
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.pieces import UP
-from tcstudy.scene.study import Acceptance
+from tcstudy.scene.study import TOLERANCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -54,6 +55,43 @@ _TINY = 2.0**-96
 _STEPS = 20
 """Most steps; two do where the nodes are on the right pieces, the others put nodes on other
 ones."""
+
+
+MAX_ROUNDING = 1e-3
+"""Rounding of ξ over the scale of b beyond which fewer than three digits of the friction are
+known."""
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """The test of an inclusion residual: one rule for all solvers, paths and certificates.
+
+    tolerance: as a study writes it, then strict; None for the default
+
+    The default is TOLERANCE or what rounding of the problem allows, whichever is larger. Rounding
+    of v to doubles, where Ã and l̃ are doubles too, changes ξ by √m ε max_i (|l̃| + |Ã||v|)_i/c_i,
+    relative to the scale of b (`ContactProblem.xi_rounding`).
+    """
+
+    tolerance: float | None = None
+
+    @property
+    def aim(self) -> float:
+        """Largest residual of a solution as if there were no rounding."""
+        return TOLERANCE if self.tolerance is None else self.tolerance
+
+    def limit(self, rounding: Any) -> Any:
+        """Return the largest residual of a solution, or of each of many.
+
+        rounding: what rounding of the problem allows, `problem.xi_rounding(v)`
+        """
+        if self.tolerance is not None:
+            return self.tolerance
+        return np.maximum(TOLERANCE, np.minimum(rounding, MAX_ROUNDING))
+
+    def accepts(self, residual: Any, rounding: Any) -> Any:
+        """Return whether a point with this residual is a solution; one with NaN is none."""
+        return residual <= self.limit(rounding)
 
 
 @dataclass(frozen=True)

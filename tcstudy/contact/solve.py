@@ -34,7 +34,7 @@ from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Outcome, Status, kept
 from tcstudy.contact.search import envelope_starts, move_starts
-from tcstudy.contact.solution import judge, polished
+from tcstudy.contact.solution import Acceptance, judge, polished
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import (
     ESCAPE,
@@ -45,7 +45,6 @@ from tcstudy.scene.study import (
     SOLVERS,
     START_NAMES,
     ZERO,
-    Acceptance,
     Branch,
 )
 

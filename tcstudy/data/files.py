@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 import numpy as np
 
 from tcstudy.errors import StoreError, printable, shortened, tell
-from tcstudy.scene.study import Acceptance, Study, shell_name
+from tcstudy.scene.study import Study, shell_name
 
 if TYPE_CHECKING:
     import netCDF4
@@ -522,7 +522,7 @@ def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()
         "history": f"{date} {words}",
         "references": REFERENCES,
         "solver": " ".join(study.solver.names),
-        "solver_tolerance": Acceptance(study.solver.tolerance).aim,
+        "solver_tolerance": study.solver.aim,
         "unit_system": study.units,
         "sweep_mode": study.mode,
         **(

@@ -5,15 +5,6 @@ A new family of meshes is one record here and one way to make its meshes, in fem
 refine/family.py if they follow from the solutions); readers, forecasts, notes and reports ask the
 record.
 
-Which inclusion residual makes a solution: the one rule for every solver, path, certificate and
-comparison.
-A tolerance that a study writes is strict. The default is TOLERANCE or what rounding of the problem
-allows, whichever is
-larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProblem.xi_rounding`), which
-is what rounding v to
-doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to
-solve for, and the
-default goes no further.
 How a contact problem may be solved: the one place of the names of solvers, of starts, and of which
 solution is kept.
 """
@@ -24,7 +15,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -225,37 +216,6 @@ class FitPlan:
 
 TOLERANCE = 1e-10
 """Largest inclusion residual by default, as long as rounding allows it."""
-LOST = 1e-3
-"""Rounding of ξ over the scale of b beyond which fewer than three digits of the friction are
-known."""
-
-
-@dataclass(frozen=True)
-class Acceptance:
-    """The test of an inclusion residual.
-
-    tolerance: as a study writes it, then strict; None for the default
-    """
-
-    tolerance: float | None = None
-
-    @property
-    def aim(self) -> float:
-        """What is worked for: the tolerance as if there were no rounding."""
-        return TOLERANCE if self.tolerance is None else self.tolerance
-
-    def limit(self, rounding: Any) -> Any:
-        """Largest residual of a solution, or of each of many.
-
-        rounding: what rounding of the problem allows, `problem.xi_rounding(v)`
-        """
-        if self.tolerance is not None:
-            return self.tolerance
-        return np.maximum(TOLERANCE, np.minimum(rounding, LOST))
-
-    def accepts(self, residual: Any, rounding: Any) -> Any:
-        """Whether a point with this residual is a solution (nan is none)."""
-        return residual <= self.limit(rounding)
 
 
 Quantity = Literal[
@@ -435,6 +395,11 @@ class SolverPlan:
     every: bool = False
     max_boxes: int = 20_000
     max_seconds: float = 60.0
+
+    @property
+    def aim(self) -> float:
+        """Largest inclusion residual of a solution as if there were no rounding."""
+        return TOLERANCE if self.tolerance is None else self.tolerance
 
     @property
     def in_blocks(self) -> bool:

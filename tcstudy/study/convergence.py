@@ -45,7 +45,7 @@ from tcstudy.exact.solution import (
 )
 from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Acceptance, Study
+from tcstudy.scene.study import Study
 from tcstudy.study.lint import once
 from tcstudy.study.reference import (
     Errors,
@@ -272,7 +272,7 @@ def _point(
     found = [reference.errors(one, index, scene) if reference is not None and used else Errors()
              for one, used in zip(levels, compared, strict=True)]  # fmt: skip
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
-    rounding = rounding_level(h / size, Acceptance(study.solver.tolerance).aim)
+    rounding = rounding_level(h / size, study.solver.aim)
     for name, expected in orders_to_expect(study, levels[-1], solutions[-1], scene).items():
         error, norms = np.array([one.get(name, (np.nan, 0.0)) for one in found]).T
         norm = norms[norms > 0.0][-1:]

@@ -35,6 +35,7 @@ from tcstudy.contact.path.query import (
 )
 from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import Status
+from tcstudy.contact.solution import Acceptance
 from tcstudy.contact.solve import TIE, solve_contact
 from tcstudy.data.files import SHORTFALLS, Remark, tell
 from tcstudy.data.records import Record
@@ -47,7 +48,7 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Acceptance, Branch, Direction, PathPlan, Study
+from tcstudy.scene.study import Branch, Direction, PathPlan, Study
 from tcstudy.study.run import stages, to_file
 
 Array = NDArray[np.float64]

@@ -48,10 +48,11 @@ from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathS
 from tcstudy.contact.path.smooth import fold_beside
 from tcstudy.contact.path.walk import locate
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Status
+from tcstudy.contact.solution import Acceptance
 from tcstudy.contact.solve import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import Memory
-from tcstudy.scene.study import Acceptance, Branch
+from tcstudy.scene.study import Branch
 
 Array = NDArray[np.float64]
 

@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 from tcstudy.contact.path.basis_inverse import SingularCellError
 from tcstudy.contact.path.problem import Codes, ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.walk import Ray, Walk, cross, locate, onward, outward, rays
-from tcstudy.scene.study import Acceptance, Direction
+from tcstudy.contact.solution import Acceptance
+from tcstudy.scene.study import Direction
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
 

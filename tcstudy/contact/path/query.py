@@ -40,10 +40,10 @@ from tcstudy.contact.certificates import Proofs
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.smooth import SmoothPath
-from tcstudy.contact.solution import polished
+from tcstudy.contact.solution import Acceptance, polished
 from tcstudy.contact.solve import known_solutions
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.study import Acceptance, Direction
+from tcstudy.scene.study import Direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

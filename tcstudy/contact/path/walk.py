@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.path.basis_inverse import STILL, BasisInverse, SingularCellError
 from tcstudy.contact.path.problem import Codes, ParametricProblem
-from tcstudy.scene.study import Acceptance
+from tcstudy.contact.solution import Acceptance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

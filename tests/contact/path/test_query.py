@@ -9,9 +9,9 @@ from scipy.optimize import brentq
 
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.path.query import folds, lowest, proved_minima, solutions_at, solutions_of
+from tcstudy.contact.solution import Acceptance
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.study import Acceptance
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import (
     a_solution,

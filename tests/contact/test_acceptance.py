@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.solution import MAX_ROUNDING, Acceptance
 from tcstudy.laws.shapes import tresca
-from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
+from tcstudy.scene.study import TOLERANCE
 
 
 @pytest.mark.parametrize(
@@ -15,7 +16,7 @@ from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
         (None, 4e-9, 4e-9, 1e-9, True),
         (None, 4e-9, 4e-9, 5e-9, False),
         (None, 4e-9, 4e-9, float("nan"), False),
-        (None, 0.5, LOST, 0.1, False),  # friction that rounding has lost is no solution
+        (None, 0.5, MAX_ROUNDING, 0.1, False),  # friction that rounding has lost is no solution
         (1e-10, 4e-9, 1e-10, 1e-9, False),  # a tolerance that a study writes is strict
     ],
 )
