@@ -316,7 +316,7 @@ class ContactProblem:
         law, xi, at = self.law, self.xi(v), self.law.locate(v)
         terms = np.maximum(*(law.terms(v, piece) for piece in (at.piece, at.piece + at.on)))
         error = np.finfo(float).eps * ((np.sqrt(self.m) + 1.0) * self._size(v) + 2.0 * terms)
-        low, high = law.interval(v, at=at)
+        low, high = law.interval(v, place=at)
         return self.relative(
             np.maximum(np.maximum(low - xi / self.c, xi / self.c - high) + error, 0.0), xi
         )

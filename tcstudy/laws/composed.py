@@ -1,13 +1,15 @@
-"""Laws made of other laws: by node and by row, at joints of edges, of straight pieces alone; and
-their derivatives.
+"""Laws made of other laws, and their derivatives.
+
+Laws by node and by row, at joints of edges, and with straight pieces in place of exponential ones.
 
 At a joint node i has the friction c' b'(s) + c'' b''(s), c' and c'' the parts of c_i on the two
-edges; so its law is b = (c' b' + c'' b'')/c_i: the trapezoidal rule on either side of the step in
-∫_{Γ_C} j(x, u_T), of second order. With all of c_i given to one of the laws it is of first order.
+edges, so that its law is b = (c' b' + c'' b'')/c_i. This is the trapezoidal rule on either side of
+the step in ∫_{Γ_C} j(x, u_T), of second order. With all of c_i given to one of the laws it is of
+first order.
 
 Derivatives by a law's parameters are complex steps through the builders and the laws' own
 functions: f′(p) = Im f(p + ih)/h to the last digits, since nothing is subtracted (Squire & Trapp,
-SIAM Rev. 40 (1998) 110–112); h is so small that h² is lost beside every number. What is compared is
+SIAM Rev. 40 (1998) 110–112). h is so small that h² is lost beside every number. Comparisons use
 the real part.
 """
 
@@ -31,104 +33,134 @@ from tcstudy.laws.shapes import SHAPES
 def nodal(
     laws: Sequence[Laws],
     index: ArrayLike,
-    stronger: ArrayLike = 1.0,
-    stretched: ArrayLike = 1.0,
-    moved: ArrayLike = 0.0,
+    strength: ArrayLike = 1.0,
+    stretch: ArrayLike = 1.0,
+    shift: ArrayLike = 0.0,
 ) -> Laws:
-    """The laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes; the law itself where all nodes have the
-    same.
+    """Return the laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes.
 
-    laws:      the shared laws b, each one for all
-    index:     (m,) which of them a node has
-    stronger:  strength β_i ≥ 0, 0 for a gap in the bond
-    stretched: σ_i > 0;  moved: a_i [m];  all (m,) or one number
+    It is one law for all where all nodes have the same.
+
+    laws:     the shared laws b, each one for all
+    index:    (m,) which of them a node has
+    strength: strength factor β_i ≥ 0, 0 for an unbonded node
+    stretch:  σ_i > 0;  shift: a_i [m];  all (m,) or one number
 
     Raises ValueError for a strength below 0, a stretch that is not above 0, or numbers that are not
     finite.
     """
-    index = np.asarray(index, dtype=np.intp)
-    beta, sigma, a = (
-        np.broadcast_to(np.asarray(x, dtype=float), index.shape)
-        for x in (stronger, stretched, moved)
-    )
+    law_of_node = np.asarray(index, dtype=np.intp)
+    m = law_of_node.shape
+    beta = np.broadcast_to(np.asarray(strength, dtype=float), m)
+    sigma = np.broadcast_to(np.asarray(stretch, dtype=float), m)
+    a = np.broadcast_to(np.asarray(shift, dtype=float), m)
     if not (np.all(np.isfinite([beta, sigma, a])) and np.all(beta >= 0.0) and np.all(sigma > 0.0)):
         raise ValueError(
             "a node's law needs finite numbers, a strength of at least 0 and a stretch above 0"
         )
-    same: dict[Laws, int] = {}
-    first = np.array([same.setdefault(law, k) for k, law in enumerate(laws)], dtype=np.intp)
-    gap = (beta == 0.0) | np.array([law.vanishes for law in laws])[index]
-    rows = np.stack(
-        [np.where(gap, -1, first[index]), *(np.where(gap, 1.0, x) for x in (beta, sigma, a))],
-        axis=1,
-    )
-    used, at = np.unique(rows, axis=0, return_inverse=True)
-    distinct = [
-        NONE if k < 0 else laws[int(k)].placed(b, s, shift) for k, b, s, shift in used.tolist()
-    ]
-    return distinct[0] if len(distinct) == 1 else Laws.of(distinct, at.reshape(-1))
+    # nodes with the same law, strength, stretch and shift share a table row; all gaps share one
+    first_equal_law: dict[Laws, int] = {}
+    first_equal = [first_equal_law.setdefault(law, k) for k, law in enumerate(laws)]
+    vanishes = np.array([law.vanishes for law in laws])
+    key = np.stack([np.array(first_equal, dtype=np.intp)[law_of_node], beta, sigma, a], axis=1)
+    key[(beta == 0.0) | vanishes[law_of_node]] = (-1.0, 1.0, 1.0, 1.0)
+    distinct_keys, row_of_node = np.unique(key, axis=0, return_inverse=True)
+
+    distinct_laws = []
+    for k, beta_k, sigma_k, a_k in distinct_keys.tolist():
+        distinct_laws.append(NONE if k < 0 else laws[int(k)].placed(beta_k, sigma_k, a_k))
+    if len(distinct_laws) == 1:
+        return distinct_laws[0]
+    return Laws.of(distinct_laws, row_of_node.reshape(-1))
 
 
-def total(one: Laws, two: Laws) -> Laws:
-    """The law b' + b'', of two that have at most one exponential a piece; an odd one of odd ones,
-    to the bit.
+def total(first: Laws, second: Laws) -> Laws:
+    """Return the law b' + b'' of two that have at most one exponential per piece.
 
-    It has the kinks of both, and one where b″ of two exponentials changes its sign.
+    It has the kinks of both, and one where b″ of two exponentials changes its sign. The sum of odd
+    laws is odd to the bit.
     """
-    ends = np.concatenate([[-np.inf], np.union1d(one.kinks, two.kinks), [np.inf]])
-    kinks: list[float] = []
-    rows: list[tuple[float, ...]] = []
-    for left, right in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        s_0 = min(max(0.0, left), right)
-        inside = left if np.isfinite(left) else right if np.isfinite(right) else 0.0
-        side = 1 if np.isfinite(left) else -1
-        pieces = [(law, int(law.piece(inside, side))) for law in (one, two)]
-        b_0 = sum(float(law.b_0[k] + law.q[k] * (s_0 - law.s_0[k])) for law, k in pieces)
-        decays: dict[float, float] = {}
-        for law, k in pieces:
-            if law.a[k]:
-                a = float(law.a[k] * np.exp(-law.r[k] * (s_0 - law.s_0[k])))
-                decays[float(law.r[k])] = decays.get(float(law.r[k]), 0.0) + a
-        (r, a), (r_2, a_2) = (
-            *sorted(decays.items(), key=lambda x: abs(x[0])),
-            (0.0, 0.0),
-            (0.0, 0.0),
-        )[:2]
-        row = (s_0, b_0, sum(float(law.q[k]) for law, k in pieces), a, r, a_2, r_2)
-        ratio = -(a_2 * r_2**2) / (a * r**2) if a and a_2 else 0.0
-        turn = s_0 + float(np.log(ratio)) / (r_2 - r) if ratio > 0.0 else np.nan
-        kinks += [left, *([turn] if left < turn < right else [])]
-        rows += [row] * (2 if left < turn < right else 1)
-    name = " and ".join(dict.fromkeys(law.name for law in (one, two) if not law.vanishes))
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return Laws(name, np.array(kinks[1:]), *(columns if np.any(columns[5]) else columns[:5]))
+    laws = (first, second)
+    inner_ends = np.union1d(first.kinks, second.kinks)
+    ends = np.concatenate([[-np.inf], inner_ends, [np.inf]]).tolist()
+    left_ends: list[float] = []
+    pieces: list[tuple[float, ...]] = []
+    for lower, upper in pairwise(ends):
+        piece = _sum_of_pieces(laws, lower, upper)
+        inflection = _inflection(piece)
+        left_ends.append(lower)
+        pieces.append(piece)
+        if lower < inflection < upper:
+            left_ends.append(inflection)
+            pieces.append(piece)
+    name = " and ".join(dict.fromkeys(law.name for law in laws if not law.vanishes))
+    columns = [np.array(column) for column in zip(*pieces, strict=True)]
+    if not np.any(columns[5]):
+        columns = columns[:5]
+    return Laws(name, np.array(left_ends[1:]), *columns)
+
+
+def _sum_of_pieces(laws: Sequence[Laws], lower: float, upper: float) -> tuple[float, ...]:
+    """Return s_0, b_0, q, a, r, a_2, r_2 of the sum of laws between two neighbouring kinks."""
+    s_0 = min(max(0.0, lower), upper)
+    side = 1
+    end = lower
+    if not np.isfinite(lower):
+        side = -1
+        end = upper if np.isfinite(upper) else 0.0
+    addressed = [(law, int(law.piece(end, side))) for law in laws]
+    b_0 = sum(float(law.b_0[k] + law.q[k] * (s_0 - law.s_0[k])) for law, k in addressed)
+    q = sum(float(law.q[k]) for law, k in addressed)
+    amplitudes: dict[float, float] = {}  # by rate
+    for law, k in addressed:
+        if law.a[k]:
+            r = float(law.r[k])
+            a = float(law.a[k] * np.exp(-law.r[k] * (s_0 - law.s_0[k])))
+            amplitudes[r] = amplitudes.get(r, 0.0) + a
+    decays = sorted(amplitudes.items(), key=lambda decay: abs(decay[0]))
+    decays += [(0.0, 0.0)] * (2 - len(decays))
+    (r, a), (r_2, a_2) = decays
+    return (s_0, b_0, q, a, r, a_2, r_2)
+
+
+def _inflection(piece: tuple[float, ...]) -> float:
+    """Return the slip where b″ of a piece with two exponentials is 0, NaN if there is none."""
+    s_0, _, _, a, r, a_2, r_2 = piece
+    if not (a and a_2):
+        return math.nan
+    ratio = -(a_2 * r_2**2) / (a * r**2)
+    if not ratio > 0.0:
+        return math.nan
+    return s_0 + float(np.log(ratio)) / (r_2 - r)
 
 
 def row_laws(laws: Sequence[Laws], factor: Array) -> Laws:
-    """The laws of a block, each scaled by the row's stiffness over that of the body; by node where
-    one has them so."""
-    known: dict[
-        tuple[int, float], int
-    ] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
-    rows = [
-        known.setdefault((id(law), f), len(known))
-        for law, f in zip(laws, factor.tolist(), strict=True)
-    ]
-    own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
-    scaled = [law if f == 1.0 else law.placed(1.0 / f) for law, f in own]
-    m = max((len(law.index) for law in scaled if not law.one), default=1)
+    """Return the laws of the rows of a block, by node where one of them has a law per node.
+
+    factor: (R,) stiffness of every row relative to that of the body, by which its law is divided
+    """
+    # by identity: a sweep shares its laws, and equal ones only cost time
+    key_number: dict[tuple[int, float], int] = {}
+    keys = [(id(law), f) for law, f in zip(laws, factor.tolist(), strict=True)]
+    scaled_of_row = [key_number.setdefault(key, len(key_number)) for key in keys]
+    scaled_laws = []
+    for row in np.unique(scaled_of_row, return_index=True)[1]:
+        f = float(factor[row])
+        scaled_laws.append(laws[row] if f == 1.0 else laws[row].placed(1.0 / f))
+    m = max((len(law.index) for law in scaled_laws if not law.one), default=1)
     tables: list[Laws] = []
-    index = np.empty((len(scaled), m), dtype=np.intp)
-    for row, law in zip(index, scaled, strict=True):
-        row[:] = len(tables) + law.index
+    index = np.empty((len(scaled_laws), m), dtype=np.intp)
+    for scaled_index, law in zip(index, scaled_laws, strict=True):
+        scaled_index[:] = len(tables) + law.index
         tables += law.laws
-    return Laws.of(tables, index[np.array(rows, dtype=np.intp)])
+    return Laws.of(tables, index[np.array(scaled_of_row, dtype=np.intp)])
 
 
 class Joints(NamedTuple):
-    """The nodes whose cells lie on two edges of Γ_C: where one ends and the next begins.
+    """The nodes shared by two edges of Γ_C: where one edge ends and the next begins.
 
-    node: (j,) which of the nodes, whose own edge is the one after it (along t);  edge: (j,) number of the edge before
+    node:  (j,) number of the node; its edge is the one after it (along t)
+    edge:  (j,) number of the edge before it
     share: (j,) part of c_i on that edge
     """
 
@@ -142,8 +174,9 @@ NO_JOINTS = Joints()
 
 @dataclass(frozen=True)
 class EdgeLaws:
-    """Friction that differs along Γ_C: b(s) of an edge's law times its strength in x and y, 0 where
-    the bond has a gap.
+    """Friction that differs along Γ_C: every edge's law times its strength factor in x and y.
+
+    The strength factor is 0 where the edge is unbonded.
 
     laws: (edge, law, strength); the edge "" is all of Γ_C
     """
@@ -153,46 +186,55 @@ class EdgeLaws:
     def along(
         self, names: Sequence[str], edge: NDArray[np.integer], xy: Array
     ) -> tuple[NDArray[np.intp], Array]:
-        """(m,) which of the laws a point has, and its strength there; of points at xy (m, 2) on
-        edges by number.
+        """Return (m,) which of the laws a point has, and (m,) its strength there.
 
-        Raises ValueError for a strength below 0 or one that is no number.
+        names: of the edges by number;  edge: (m,) number of a point's edge;  xy: (m, 2) points
+
+        Raises ValueError for a strength below 0 or one that is not finite.
         """
-        own = [name for name, _, _ in self.laws]
-        index = np.array([own.index(name) if name in own else 0 for name in names], dtype=np.intp)[
-            edge
+        edges_with_law = [name for name, _, _ in self.laws]
+        law_of_edge = [
+            edges_with_law.index(name) if name in edges_with_law else 0 for name in names
         ]
+        index = np.array(law_of_edge, dtype=np.intp)[edge]
         strength = np.empty(len(index))
         for k, (_, _, factor) in enumerate(self.laws):
             x, y = xy[index == k].T
             strength[index == k] = value_of(factor, x, y)
-        if np.any(wrong := ~((strength >= 0.0) & np.isfinite(strength))):
-            k = int(np.argmax(wrong))
+        is_invalid = ~((strength >= 0.0) & np.isfinite(strength))
+        if np.any(is_invalid):
+            k = int(np.argmax(is_invalid))
             x, y = xy[k]
             raise ValueError(
-                f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); it must be 0 or more"
+                f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); "
+                "it must be 0 or more"
             )
         return index, strength
 
     def factors(
         self, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints
     ) -> Array:
-        """(L, m) the factor of every law in that of a node: its strength, at a joint times its part
-        of c_i.
+        """Return (L, m) the factor of every law in that of a node.
 
-        NaN where a node has nothing of a law. Arguments and Raises as `along`.
+        It is the strength, at a joint times the law's part of c_i, and NaN where a node has nothing
+        of a law. Arguments and Raises as `along`.
         """
         index, strength = self.along(names, edge, xy)
-        found = np.full((len(self.laws), len(index)), np.nan)
-        found[index, np.arange(len(index))] = strength
-        before, weaker = self.along(names, joints.edge, xy[joints.node])
-        for node, k, beta, share in zip(joints.node, before, weaker, joints.share, strict=True):
-            own = strength[node]
-            if k == index[node]:
-                found[k, node] = own + share * (beta - own)
+        factors = np.full((len(self.laws), len(index)), np.nan)
+        factors[index, np.arange(len(index))] = strength
+        index_before, strength_before = self.along(names, joints.edge, xy[joints.node])
+        for joint, node in enumerate(joints.node):
+            share = joints.share[joint]
+            k_before = index_before[joint]
+            k_after = index[node]
+            beta_before = strength_before[joint]
+            beta_after = strength[node]
+            if k_before == k_after:
+                factors[k_before, node] = beta_after + share * (beta_before - beta_after)
             else:
-                found[index[node], node], found[k, node] = (1.0 - share) * own, share * beta
-        return found
+                factors[k_after, node] = (1.0 - share) * beta_after
+                factors[k_before, node] = share * beta_before
+        return factors
 
     @property
     def vanishes(self) -> bool:
@@ -207,8 +249,9 @@ def law_along(
     xy: Array,
     joints: Joints = NO_JOINTS,
 ) -> Laws:
-    """The law of the contact line, or of points xy (m, 2) on it, which lie on the edges `names` by
-    number (m,).
+    """Return the law of the contact line, or of points on it.
+
+    names: of the edges by number;  edge: (m,) number of a point's edge;  xy: (m, 2) points
 
     Raises ValueError for a strength below 0.
     """
@@ -221,48 +264,52 @@ def law_along(
 def laws_along(
     friction: EdgeLaws, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints
 ) -> tuple[list[tuple[str, Laws]], NDArray[np.intp], Array]:
-    """(edge, law) of the edges and after them of joints, (m,) which of them a node has, and its
-    strength.
+    """Return (edge, law) of the edges and joints, (m,) which of them a node has, and its strength.
 
-    A joint has (c' b' + c'' b'')/c_i of the edges that meet there, whose names its law has both.
+    A joint has (c' b' + c'' b'')/c_i of the edges that meet there, and the names of both.
     Raises ValueError for a strength below 0.
     """
     factors = friction.factors(names, edge, xy, joints)
-    has = ~np.isnan(factors)
-    laws, index = [(name, law) for name, law, _ in friction.laws], np.argmax(has, axis=0)
+    has_law = ~np.isnan(factors)
+    laws = [(name, law) for name, law, _ in friction.laws]
+    index = np.argmax(has_law, axis=0)
     strength = factors[index, np.arange(len(index))]
-    for node in np.flatnonzero(has.sum(axis=0) > 1).tolist():
-        meet = np.flatnonzero(has[:, node])
-        one, two = (laws[k][1].times(float(factors[k, node])) for k in meet)
-        index[node], strength[node] = len(laws), 1.0
-        laws.append((" and ".join(laws[k][0] for k in meet), total(one, two)))
+    for node in np.flatnonzero(has_law.sum(axis=0) > 1).tolist():
+        first, second = np.flatnonzero(has_law[:, node])
+        first_law = laws[first][1].times(float(factors[first, node]))
+        second_law = laws[second][1].times(float(factors[second, node]))
+        index[node] = len(laws)
+        strength[node] = 1.0
+        name = f"{laws[first][0]} and {laws[second][0]}"
+        laws.append((name, total(first_law, second_law)))
     return laws, index, strength
 
 
 POINTS = "points"
 _AGREE = 1e-9
-"""Falls and derivatives nearer than this to each other, relative, are one."""
-
-
+"""Slopes and derivatives that differ by less than this, relative, count as one."""
 _STEP = 2.0**-400
+"""The step h of a complex number p + ih."""
 
 
 def stepped(number: float) -> Any:
-    """p + ih."""
+    """Return p + ih."""
     return np.complex128(complex(number, _STEP))
 
 
-def derivative(numbers: Any) -> Any:
-    """Of what was computed from p + ih (their shape)."""
-    return np.imag(numbers) / _STEP
+def derivative(computed: Any) -> Any:
+    """Return the derivative of what was computed from p + ih (its shape)."""
+    return np.imag(computed) / _STEP
 
 
 @dataclass(frozen=True, eq=False)
 class LawSlopes:
-    """Derivatives by one parameter of a law, one for all; varied: the law of p + ih.
+    """Derivatives by one parameter p of a law, which is one for all.
 
-    Where the law goes straight through a point that moves alone, the varied one has a bend that the
+    Where the law goes straight through a point that moves alone, the varied law has a bend that the
     law has not.
+
+    varied: the law of p + ih
     """
 
     law: Laws
@@ -270,113 +317,128 @@ class LawSlopes:
 
     @property
     def kinks(self) -> Array:
-        """(K,) of the law's kinks [m per unit of p]."""
-        return derivative(
-            self.varied.kinks[np.searchsorted(self.varied.kinks.real, self.law.kinks)]
-        )
+        """(K,) derivatives of the law's kinks [m per unit of p]."""
+        position = np.searchsorted(self.varied.kinks.real, self.law.kinks)
+        return derivative(self.varied.kinks[position])
 
     def value(self, s: Array, piece: NDArray[np.intp]) -> Array:
-        """∂b_k/∂p at s of the law's named pieces (shape of s) [Pa per unit of p]."""
+        """Return ∂b_k/∂p at s of the law's addressed pieces (shape of s) [Pa per unit of p]."""
         if len(self.varied.q) != len(self.law.q):
-            low, high = self.law.ends(piece)
-            s = np.clip(s, low, high)
-            at = self.varied.locate(s)
-            piece = at.toward(s < high)
+            lower, upper = self.law.ends(piece)
+            s = np.clip(s, lower, upper)
+            piece = self.varied.locate(s).toward(s < upper)
         return derivative(self.varied.value(s, piece))
 
     def potential(self, s: Array) -> Array:
-        """∂j/∂p at s, which is no kink that moves, or the inner side of one (shape of s) [Pa m per
-        unit of p].
+        """Return ∂j/∂p at s (shape of s) [Pa m per unit of p].
 
-        ∫₀ˢ ∂b/∂p, and of every kink on the way, which moves by κ′, κ′(b⁻ − b⁺).
+        s is not a kink that moves, or the inner side of one. It is ∫₀ˢ ∂b/∂p, and κ′(b⁻ − b⁺) of
+        every kink in between, which moves by κ′.
         """
         return derivative(self.varied.j(s))
 
     def omega(self) -> float:
-        """∂ω/∂p: that of the slope at the end of a piece where b falls most; NaN where two do not
-        agree."""
-        omega, slopes = self.law.omega, self.varied.end_slopes.ravel()
-        if not np.isfinite(omega) or omega == 0.0:
-            return 0.0 if omega == 0.0 else float("nan")
-        return agreed(-derivative(slopes[slopes.real <= -omega * (1.0 - _AGREE)]))
+        """Return ∂ω/∂p: that of the steepest softening slope at the end of a piece.
+
+        It is NaN where two of them have different derivatives.
+        """
+        omega = self.law.omega
+        if omega == 0.0:
+            return 0.0
+        if not np.isfinite(omega):
+            return math.nan
+        slopes = self.varied.end_slopes.ravel()
+        steepest = slopes[slopes.real <= -omega * (1.0 - _AGREE)]
+        return agreed(-derivative(steepest))
 
 
 def agreed(changes: Array) -> float:
-    """The one value that all have, to rounding; NaN where they differ."""
+    """Return the one value that all have, to rounding; NaN where they differ."""
     size = float(np.max(np.abs(changes), initial=0.0))
-    return float(changes[0]) if len(changes) and np.ptp(changes) <= _AGREE * size else float("nan")
+    if len(changes) and np.ptp(changes) <= _AGREE * size:
+        return float(changes[0])
+    return math.nan
 
 
 def number_of(path: tuple[str, ...]) -> str:
-    """What a key path calls a number of a law: "delta", "points.2" for the b of the third point,
-    "points.2.s"."""
-    n = next((n for n in (2, 3) if path[-n:][0] == POINTS), 1)
-    return ".".join(path[-n:])
+    """Return the name of a law's number from its key path.
+
+    It is "delta", "points.2" for the b of the third point, or "points.2.s" for its slip.
+    """
+    for length in (2, 3):
+        if path[-length:][0] == POINTS:
+            return ".".join(path[-length:])
+    return path[-1]
 
 
 def point_of(law: Laws, parameter: str) -> int:
-    """Which point of a law "points.2" or "points.2.s" means. Raises KeyError if it has none of this
-    number."""
-    made, (name, _, number) = law.made, parameter.removesuffix(".s").partition(".")
-    points = made.values.get(POINTS, ()) if made and name == POINTS else ()
+    """Return the number of the point that "points.2" or "points.2.s" means.
+
+    Raises KeyError if the law has none of this number.
+    """
+    name, _, number = parameter.removesuffix(".s").partition(".")
+    points = law.made.values.get(POINTS, ()) if law.made and name == POINTS else ()
     if not number.isascii() or not number.isdigit() or int(number) >= len(points):
         raise KeyError(parameter)
     return int(number)
 
 
 def law_slopes(law: Laws, parameter: str) -> LawSlopes:
-    """Derivatives of a law by one of its parameters, by its `strength`, a factor of b, or by the b
-    or s of a point.
+    """Return the derivatives of a law by one of its numbers.
 
-    parameter: as `number_of` has it
-    Raises KeyError if it has no such parameter, or if it is not known what it was made of.
+    parameter: a parameter of its shape, a point as `number_of` names it, or "strength", a factor of
+               b
+
+    Raises KeyError if it has no such parameter, or if its definition is not known.
     """
     made = law.made
     if made is None:
         raise KeyError(parameter)
-    values, factor = (
-        dict(made.values),
-        stepped(made.strength) if parameter == "strength" else made.strength,
-    )
-    if parameter.startswith(f"{POINTS}."):
-        at, of_s = point_of(law, parameter), parameter.endswith(".s")
+    values = dict(made.values)
+    strength: Any = made.strength
+    if parameter == "strength":
+        strength = stepped(made.strength)
+    elif parameter.startswith(f"{POINTS}."):
+        number = point_of(law, parameter)
         points = [(s, np.complex128(b)) for s, b in values[POINTS]]
-        s, b = points[at]
-        points[at] = (stepped(s), b) if of_s else (s, stepped(b.real))
+        s, b = points[number]
+        if parameter.endswith(".s"):
+            points[number] = (stepped(s), b)
+        else:
+            points[number] = (s, stepped(b.real))
         values[POINTS] = points
-    elif parameter != "strength":
+    else:
         if not isinstance(values[parameter], float):
             raise KeyError(parameter)
         values[parameter] = stepped(values[parameter])
     varied = SHAPES[made.shape].builder(**values)
-    return LawSlopes(
-        law, replace(varied, b_0=varied.b_0 * factor, q=varied.q * factor, a=varied.a * factor)
-    )
+    b_0 = varied.b_0 * strength
+    q = varied.q * strength
+    a = varied.a * strength
+    return LawSlopes(law, replace(varied, b_0=b_0, q=q, a=a))
 
 
-# -- straight pieces in the place of exponential ones
-# -----------------------------------------------------------------
+# -- straight pieces in place of exponential ones
 
 MAX_CELLS = 100_000
-"""Cells of one piece; a finer approximation than this is a mistake in the tolerance."""
+"""Sides that may replace one piece; more of them are a mistake in the tolerance."""
 
 
 def piecewise_linear(law: Laws, tolerance: float, s_max: float) -> Laws:
-    """The law with every exponential piece replaced by chords, |b − b_h| ≤ tolerance · b_scale on
-    [−s_max, s_max].
+    """Return the law with every exponential piece replaced by straight ones.
+
+    |b − b_h| ≤ tolerance · b_scale on [−s_max, s_max].
 
     tolerance: relative to law.b_scale
-    s_max:     largest slip of interest [m]; beyond it the exponential part stays at its last value, and it is
-               frozen earlier where what is left of it is below the tolerance
+    s_max:     largest slip of interest [m]; beyond it the exponential part stays at its last value,
+               and it is frozen earlier where the rest of it is below the tolerance
 
-    The exponential part is convex or concave, so the polygon of fewest sides has its inner corners
-    at the distance of
-    the error on the side away from the curve's chords, and in the middle of every side the same
-    distance on the other
-    (Chebyshev): √2 times fewer sides than chords. Kinks of the law are kept bitwise with the values
-    there, and so is
-    an odd law's symmetry.
-    Laws without exponential pieces are returned as they are, whatever the tolerance and s_max; a
+    The exponential part is convex or concave. The polygon of fewest sides has its inner corners at
+    the distance of the error on the side away from the curve's chords, and in the middle of every
+    side the same distance on the other (Chebyshev): √2 times fewer sides than chords. Kinks of the
+    law are kept bitwise with the values there, and so is an odd law's symmetry.
+
+    Laws without exponential pieces are returned as they are, whatever the tolerance and s_max. A
     body that cannot slip has s_max = 0. Raises ValueError for a tolerance that is not positive or
     an s_max that is negative, and GrowthError if the part that is cut off is what satisfied (15).
     """
@@ -386,111 +448,146 @@ def piecewise_linear(law: Laws, tolerance: float, s_max: float) -> Laws:
         raise ValueError(f"tolerance must be positive, not {tolerance:g}")
     if not 0.0 <= s_max < np.inf:
         raise ValueError(f"s_max must be finite and not negative, not {s_max:g}")
-    result = _polygon(law, tolerance * law.b_scale, s_max)
-    result.check_growth()
-    return result
+    polygon = _polygon(law, tolerance * law.b_scale, s_max)
+    polygon.check_growth()
+    return polygon
 
 
 def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
-    """The same with an error in Pa; of two exponentials a piece the sum of those of each, with half
-    the error."""
+    """Return the same with an error in Pa.
+
+    Of two exponentials per piece it is the sum of those of each, with half the error.
+    """
+    zero = np.zeros(len(law.q))
     if law.a_2 is not None and law.r_2 is not None:
-        zero = np.zeros(len(law.q))
-        one = Laws(law.name, law.kinks, law.s_0, law.b_0, law.q, law.a, law.r)
-        two = Laws(law.name, law.kinks, law.s_0, zero, zero, law.a_2, law.r_2)
-        return total(_polygon(one, 0.5 * allowed, s_max), _polygon(two, 0.5 * allowed, s_max))
-    ends, kinks, sides = (
-        np.concatenate([[-np.inf], law.kinks, [np.inf]]),
-        list[float](),
-        list[tuple[float, ...]](),
-    )
-    for k, (q, a, r, anchor) in enumerate(zip(law.q, law.a, law.r, law.s_0, strict=True)):
-        left, right = ends[k : k + 2].tolist()
-        corners, below = [left, right], [0.0, 0.0]
-        if not (straight := a == 0.0 or r == 0.0):
-            corners, below = _corners(abs(a), r, anchor, left, right, s_max, allowed)
-        kinks += corners[1:] if k + 1 < len(law.q) else corners[1:-1]
-        both = zip(corners, below, strict=True)
-        b = [
-            float(law.value(s, k)) - math.copysign(z, a) if math.isfinite(s) else 0.0
-            for s, z in both
-        ]
-        for (x, b_x), (y, b_y) in pairwise(zip(corners, b, strict=True)):
-            if straight or corners == [-np.inf, np.inf]:
-                sides.append((anchor, law.b_0[k] + a, q))
-            elif math.isfinite(x) and math.isfinite(y):  # hung on its end nearer to s = 0
-                sides.append((*((x, b_x) if abs(x) <= abs(y) else (y, b_y)), (b_y - b_x) / (y - x)))
-            else:  # the linear part goes on
-                sides.append((*((x, b_x) if math.isfinite(x) else (y, b_y)), q))
+        first = Laws(law.name, law.kinks, law.s_0, law.b_0, law.q, law.a, law.r)
+        second = Laws(law.name, law.kinks, law.s_0, zero, zero, law.a_2, law.r_2)
+        return total(_polygon(first, 0.5 * allowed, s_max), _polygon(second, 0.5 * allowed, s_max))
+    kinks: list[float] = []
+    sides: list[tuple[float, float, float]] = []
+    for k in range(len(law.q)):
+        corners, piece_sides = _sides(law, k, s_max, allowed)
+        kinks += corners[1:]
+        sides += piece_sides
     s_0, b_0, slope = (np.array(column) for column in zip(*sides, strict=True))
     zero = np.zeros(len(slope))
-    return Laws(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, slope, zero, zero)
+    name = f"{law.name}, piecewise linear"
+    return Laws(name, np.array(kinks[:-1]), s_0, b_0, slope, zero, zero)
+
+
+def _sides(
+    law: Laws, piece: int, s_max: float, allowed: float
+) -> tuple[list[float], list[tuple[float, float, float]]]:
+    """Return the corners of the polygon for a piece, and s_0, b_0 and q of every side."""
+    lower = float(law.lower[piece])
+    upper = float(law.upper[piece])
+    a, r, s_0, q = law.a[piece], law.r[piece], law.s_0[piece], law.q[piece]
+    corners = [lower, upper]
+    depths = [0.0, 0.0]
+    is_straight = a == 0.0 or r == 0.0
+    if not is_straight:
+        corners, depths = _corners(abs(a), r, s_0, lower, upper, s_max, allowed)
+    if is_straight or corners == [-np.inf, np.inf]:
+        return corners, [(s_0, law.b_0[piece] + a, q)]
+
+    points = []
+    for s, depth in zip(corners, depths, strict=True):
+        b = float(law.value(s, piece)) - math.copysign(depth, a) if math.isfinite(s) else 0.0
+        points.append((s, b))
+    sides = []
+    for (x, b_x), (y, b_y) in pairwise(points):
+        if math.isfinite(x) and math.isfinite(y):  # anchored at its end nearer to s = 0
+            anchor = (x, b_x) if abs(x) <= abs(y) else (y, b_y)
+            sides.append((*anchor, (b_y - b_x) / (y - x)))
+        else:  # the linear part goes on
+            anchor = (x, b_x) if math.isfinite(x) else (y, b_y)
+            sides.append((*anchor, q))
+    return corners, sides
 
 
 def _corners(
-    a: float, r: float, anchor: float, left: float, right: float, s_max: float, allowed: float
+    a: float, r: float, anchor: float, lower: float, upper: float, s_max: float, allowed: float
 ) -> tuple[list[float], list[float]]:
-    """Ends of the sides of a piece with a exp(−r (s − anchor)), a > 0, and how far they are below
-    it; left and right are the first and the last."""
+    """Return the ends of the sides for a exp(−r (s − anchor)), a > 0, and how far they are below.
+
+    The first and the last end are `lower` and `upper`.
+    """
     if r < 0.0:  # the mirror image, so that an odd law stays odd to the bit
-        corners, below = _corners(a, -r, -anchor, -right, -left, s_max, allowed)
-        return [-s for s in corners[::-1]], below[::-1]
-    faded = (
-        anchor + math.log(a / (2.0 * allowed)) / r
-    )  # a constant serves for all that is left beyond
-    first, last = max(left, -s_max), min(right, s_max)
-    fades = not math.isfinite(right) and faded < last
-    last = max(faded, first) if fades else last
-    if last <= first:
-        return [left, right], [0.0, 0.0]
-    height, tail = a * math.exp(-r * (first - anchor)), allowed if fades else 0.0
-    cuts, error = _equal(allowed / height, r * (last - first), tail / height)
-    corners = [first, *(first + x / r for x in cuts[1:-1]), last]
-    below = [0.0, *[error * height] * (len(cuts) - 2), tail]
-    before, after = ([left] if left < first else []), ([right] if right > last else [])
-    return [*before, *corners, *after], [*[0.0] * len(before), *below, *[0.0] * len(after)]
+        corners, depths = _corners(a, -r, -anchor, -upper, -lower, s_max, allowed)
+        return [-s for s in corners[::-1]], depths[::-1]
+    # from here on a constant is as exact as the error allows
+    faded = anchor + math.log(a / (2.0 * allowed)) / r
+    first = max(lower, -s_max)
+    last_corner = min(upper, s_max)
+    fades = not math.isfinite(upper) and faded < last_corner
+    if fades:
+        last_corner = max(faded, first)
+    if last_corner <= first:
+        return [lower, upper], [0.0, 0.0]
+    height = a * math.exp(-r * (first - anchor))
+    tail = allowed if fades else 0.0
+    cuts, error = _equal(allowed / height, r * (last_corner - first), tail / height)
+    inner_corners = [first + x / r for x in cuts[1:-1]]
+    corners = [first, *inner_corners, last_corner]
+    depths = [0.0, *[error * height] * len(inner_corners), tail]
+    if lower < first:
+        corners = [lower, *corners]
+        depths = [0.0, *depths]
+    if upper > last_corner:
+        corners = [*corners, upper]
+        depths = [*depths, 0.0]
+    return corners, depths
 
 
 def _equal(allowed: float, length: float, tail: float) -> tuple[list[float], float]:
-    """(corners of the polygon for exp(−x) on [0, length], its error ≤ allowed): the fewest sides,
-    the least error.
+    """Return the corners of the polygon for exp(−x) on [0, length], and its error ≤ allowed.
+
+    It has the fewest sides, and with them the smallest error.
 
     tail: how far the last corner lies below the curve
     """
     cuts = _march(allowed, length, tail)
-    low, high = 0.0, allowed
-    for _ in range(20 if len(cuts) < 300 else 0):
+    low = 0.0
+    high = allowed
+    n_bisections = 20 if len(cuts) < 300 else 0
+    for _ in range(n_bisections):
         middle = 0.5 * (low + high)
-        tried = _march(middle, length, tail)
-        if len(tried) == len(cuts):
-            high, cuts = middle, tried
+        trial_cuts = _march(middle, length, tail)
+        if len(trial_cuts) == len(cuts):
+            high = middle
+            cuts = trial_cuts
         else:
             low = middle
     return cuts, high
 
 
 def _march(error: float, length: float, tail: float) -> list[float]:
-    """Corners one after the other, every side as long as the error allows."""
-    cuts, begin = [0.0], 0.0
+    """Return corners one after the other, every side as long as the error allows."""
+    cuts = [0.0]
+    depth = 0.0  # of the corner from which a side begins
     while True:
-        height, rest = math.exp(-cuts[-1]), length - cuts[-1]
-        if _excess(rest, begin / height, tail / height) <= error / height:
+        height = math.exp(-cuts[-1])
+        remaining = length - cuts[-1]
+        if _excess(remaining, depth / height, tail / height) <= error / height:
             return [*cuts, length]
         if len(cuts) > MAX_CELLS:
             raise ValueError(f"more than {MAX_CELLS} chords are needed; the tolerance is too small")
-        low, high = 0.0, rest
+        low = 0.0
+        high = remaining
         for _ in range(45):
             middle = 0.5 * (low + high)
-            within = _excess(middle, begin / height, error / height) <= error / height
-            low, high = (middle, high) if within else (low, middle)
+            if _excess(middle, depth / height, error / height) <= error / height:
+                low = middle
+            else:
+                high = middle
         cuts.append(cuts[-1] + low)
-        begin = error
+        depth = error
 
 
 def _excess(h: float, z_0: float, z_1: float) -> float:
-    """How far the line from (0, 1 − z₀) to (h, e^(−h) − z₁) rises above exp(−x) between them."""
+    """Return how far the line from (0, 1 − z₀) to (h, e^(−h) − z₁) rises above exp(−x) there."""
     if h == 0.0:
         return 0.0
     fall = (float(-np.expm1(-h)) + z_1 - z_0) / h
-    where = min(max(-math.log(fall), 0.0), h) if fall > 0.0 else h
-    return -z_0 - fall * where - math.expm1(-where)
+    x = min(max(-math.log(fall), 0.0), h) if fall > 0.0 else h
+    return -z_0 - fall * x - math.expm1(-x)

@@ -1,5 +1,7 @@
-"""Friction laws as one record: of one law, of a law a node, of a law a row and node; `pieces` has
-their numbers."""
+"""Friction laws as one record: one law, a law per node, or a law per row and node.
+
+`pieces` has their numbers.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,13 @@ from numpy.typing import ArrayLike
 
 from tcstudy.laws.pieces import BEND, NARROW, UP, Array, Fact, Flags, Index, LawPieces, Place, Slips
 
-_AT_ONCE = 1_000
-"""Slips up to which those of laws with more than ten kinks are compared with all kinks at once."""
+MAX_SLIPS_AT_ONCE = 1_000
+"""Slips of laws with more than ten kinks that are compared with all kinks at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """What a law was made of: the name of its shape, the values of all its parameters, and a factor
-    of b."""
+    """The definition of a law: its shape, the values of all parameters, and a factor of b."""
 
     shape: str
     values: dict[str, Any]
@@ -28,13 +29,13 @@ class Made:
 
 @dataclass(frozen=True, eq=False)
 class Laws(LawPieces):
-    """Friction laws b with their jumps filled in; equal if all numbers are. The pieces are those of
-    `LawPieces`.
+    """Friction laws b with their jumps filled in; equal if all numbers are.
+
+    The pieces are those of `LawPieces`.
 
     index: which law a slip has: of one law for all () with arrays (K,); of L laws (m,), (R, 1) or
-    (R, m) with
-           arrays (L, K)
-    made:  what a law was made of, None if that is not known; it is no part of what the law is
+           (R, m) with arrays (L, K)
+    made:  the definition of a law, None if it is not known; it does not count for equality
     """
 
     index: Index = field(default_factory=lambda: np.zeros((), dtype=np.intp), kw_only=True)
@@ -42,49 +43,45 @@ class Laws(LawPieces):
 
     @classmethod
     def of(cls, laws: Sequence[Laws], index: ArrayLike = 0) -> Laws:
-        """Tables of laws, each one for all, in the order given, and which of them every slip
-        has."""
-        laws = list(laws) or [NONE]  # no nodes have none
-        most = max(1, *(len(law.kinks) for law in laws))
+        """Return the tables of laws, each one for all, in their order.
 
-        def table(rows: list[Array], width: int, beyond: float | None = None) -> Array:
-            filled = np.empty((len(rows), width))
-            for row, values in zip(filled, rows, strict=True):
-                row[: len(values)] = values
-                row[len(values) :] = values[-1] if beyond is None else beyond
-            return filled
-
-        second = any(law.a_2 is not None for law in laws)
-        pieces = [
-            [*law.pieces, *([0.0 * law.a] * 2 if second and law.a_2 is None else [])]
-            for law in laws
-        ]
+        index: which of them every slip has
+        """
+        laws = list(laws) or [NONE]  # also where there are no nodes
+        width = max(1, *(len(law.kinks) for law in laws))
+        has_second = any(law.a_2 is not None for law in laws)
+        pieces = []
+        for law in laws:
+            second = [0.0 * law.a] * 2 if has_second and law.a_2 is None else []
+            pieces.append([*law.pieces, *second])
         names = " | ".join(dict.fromkeys(law.name for law in laws))
-        columns = (table(list(rows), most + 1) for rows in zip(*pieces, strict=True))
-        found = cls(names, table([law.kinks for law in laws], most, np.inf), *columns).at(index)
-        found.facts["laws"] = tuple(laws)
-        return found
+        kinks = _padded([law.kinks for law in laws], width, np.inf)
+        columns = [_padded(rows, width + 1) for rows in zip(*pieces, strict=True)]
+        tables = cls(names, kinks, *columns).at(index)
+        tables.facts["laws"] = tuple(laws)
+        return tables
 
     def at(self, index: ArrayLike) -> Laws:
-        """The tables with another index."""
-        found = object.__new__(Laws)
-        vars(found).update(vars(self), index=np.asarray(index, dtype=np.intp))
-        return found
+        """Return the tables with another index."""
+        laws = object.__new__(Laws)
+        vars(laws).update(vars(self), index=np.asarray(index, dtype=np.intp))
+        return laws
 
     def of_nodes(self, nodes: Any) -> Laws:
-        """The laws of the named nodes, or rows; one law for all is that of any."""
+        """Return the laws of the nodes, or rows, of these numbers; one law for all is that of any."""
         return self if self.one else self.at(self.index[nodes])
 
     def known(self, **facts: Any) -> Laws:
-        """This new record with facts that are known better than its arrays tell."""
+        """Return this new record with facts that are more precise than those of its arrays."""
         self.facts.update(facts, known=(*self.facts.get("known", ()), *facts))
         return self
 
     def smooth_to(self, noise: Array) -> Laws:
-        """The same with jumps of up to `noise` (broadcasts with the kinks) as bends."""
+        """Return the laws with jumps of up to `noise` (broadcasts with the kinks) as bends."""
         left, right, rounding = self._beside
-        small = np.abs(right - left) <= np.maximum(noise, rounding)
-        return self.known(kind_above=np.where(small, BEND, np.sign(right - left)).astype(np.int8))
+        jump = right - left
+        is_small = np.abs(jump) <= np.maximum(noise, rounding)
+        return self.known(kind_above=np.where(is_small, BEND, np.sign(jump)).astype(np.int8))
 
     def __eq__(self, other: object) -> bool:
         return (
@@ -98,7 +95,7 @@ class Laws(LawPieces):
 
     @Fact
     def tables(self) -> Laws:
-        """The same with a row a law, at least a kink wide, also of one law."""
+        """The laws with one row each, at least one kink wide, also if there is only one law."""
         return Laws.of([self]) if self.one else self
 
     @Fact
@@ -106,82 +103,83 @@ class Laws(LawPieces):
         """All laws, each as one for all."""
         if self.one:
             return (self,)
-        used = [np.isfinite(kinks) for kinks in self.kinks]
-        kept = [np.append(True, real) for real in used]
-        return tuple(
-            Laws("row", self.kinks[k][used[k]], *(x[k][kept[k]] for x in self.pieces))
-            for k in range(len(used))
-        )
+        laws = []
+        for row, kinks in enumerate(self.kinks):
+            is_kink = np.isfinite(kinks)
+            is_piece = np.append(True, is_kink)
+            columns = [column[row][is_piece] for column in self.pieces]
+            laws.append(Laws("row", kinks[is_kink], *columns))
+        return tuple(laws)
 
     def single(self, node: int) -> Laws:
-        """The law of one node, as one for all."""
+        """Return the law of one node, as one for all."""
         return self if self.one else self.laws[int(self.index[node])]
 
     def of_row(self, row: int) -> Laws:
-        """The laws of one row's nodes, or the law that all have."""
-        used, index = np.unique(self.index[row], return_inverse=True)
-        own = [self.laws[k] for k in used]
-        return own[0] if len(own) == 1 else Laws.of(own, index)
+        """Return the laws of one row's nodes, or the law that all have."""
+        table_rows, index = np.unique(self.index[row], return_inverse=True)
+        laws = [self.laws[k] for k in table_rows]
+        return laws[0] if len(laws) == 1 else Laws.of(laws, index)
 
     def groups(self, m: int) -> list[tuple[Laws, Index]]:
-        """Every law that some of m nodes have, as one for all, with its nodes."""
+        """Return every law that some of m nodes have, as one for all, with its nodes."""
         index = self.node_index(m)
         return [(self.laws[k], np.flatnonzero(index == k)) for k in np.unique(index)]
 
     def node_index(self, m: int) -> Index:
-        """(m,) which of the tables every node has."""
+        """Return (m,) which of the tables every node has."""
         return np.broadcast_to(self.index, m)
 
     def mapped(self, change: Callable[[Laws], Laws]) -> Laws:
-        """The same with every law changed."""
-        return change(self) if self.one else Laws.of([change(law) for law in self.laws], self.index)
+        """Return the laws with every one changed."""
+        if self.one:
+            return change(self)
+        return Laws.of([change(law) for law in self.laws], self.index)
 
     @property
     def vanishes(self) -> bool:
         """True if b ≡ 0 everywhere: a film without friction."""
-        parts = (
-            x if self.one else x[self.index]
-            for x in (self.b_0, self.q, *(a for a, _ in self.exponentials))
-        )
-        return not any(np.any(part) for part in parts)
+        amplitudes = [a for a, _ in self.exponentials]
+        columns = (self.b_0, self.q, *amplitudes)
+        return not any(np.any(self._used(column)) for column in columns)
 
     def _used(self, of_laws: Array) -> Array:
+        """Return the rows of an array (L, …) that the index names."""
         return of_laws if self.one else of_laws[self.index]
 
     @property
     def omega(self) -> float:
-        """Steepest fall ω of all [Pa/m]."""
+        """Largest maximum softening slope ω of all laws [Pa/m]."""
         return float(np.max(self._used(self.falls), initial=0.0))
 
     @property
     def omega_by_row(self) -> Array:
-        """(R,) steepest fall of every row [Pa/m]."""
+        """(R,) maximum softening slope of every row [Pa/m]."""
         return np.asarray(np.max(self.falls[self.index], axis=1))
 
     @property
     def b_scale(self) -> float:
-        """Largest scale of b of all [Pa]."""
+        """Largest scale of b of all laws [Pa]."""
         return float(np.max(self._used(self.scales), initial=0.0))
 
     @property
     def s_scale(self) -> float:
-        """Least slip over which a b changes: least kink spacing or decay length; 0 if there is none
-        [m]."""
-        kinks, found = np.atleast_2d(self._used(self.kinks)), []
-        with np.errstate(invalid="ignore"):
-            found.append(np.diff(kinks).ravel())
+        """Smallest distance of two kinks or decay length of all laws; 0 without either [m]."""
+        with np.errstate(invalid="ignore"):  # behind the last kink of a law
+            distances = np.diff(np.atleast_2d(self._used(self.kinks))).ravel()
+        lengths = [distances]
         for a, r in self.exponentials:
-            found.append(1.0 / np.abs(self._used(r)[self._used(a) != 0.0]))
-        lengths = np.concatenate(found)
-        return (
-            float(np.min(lengths[np.isfinite(lengths)], initial=np.inf))
-            if np.any(np.isfinite(lengths))
-            else 0.0
-        )
+            rates = self._used(r)[self._used(a) != 0.0]
+            lengths.append(1.0 / np.abs(rates))
+        all_lengths = np.concatenate(lengths)
+        finite_lengths = all_lengths[np.isfinite(all_lengths)]
+        return float(np.min(finite_lengths)) if len(finite_lengths) else 0.0
 
     def locate(self, s: Slips, law: Index | None = None) -> Place:
-        """Where slips sit; law: which of the tables each has, by default the index (broadcasts with
-        s)."""
+        """Return where slips sit.
+
+        law: which of the tables each has, by default the index (broadcasts with s)
+        """
         s = np.asarray(s)
         if self.one:
             piece = np.asarray(np.searchsorted(self.kinks.real, s, side="left"))
@@ -190,7 +188,7 @@ class Laws(LawPieces):
         shape = s.shape if s.shape == law.shape else np.broadcast_shapes(s.shape, law.shape)
         piece = np.empty(shape, dtype=np.intp)
         piece[...] = self.first.take(law)
-        if piece.size <= _AT_ONCE < 100 * self.kinks.shape[1]:
+        if piece.size <= MAX_SLIPS_AT_ONCE < 100 * self.kinks.shape[1]:
             piece += np.count_nonzero(s[..., None] > self.kinks[law], axis=-1)
         else:
             for kinks in self.kinks.T:
@@ -198,79 +196,100 @@ class Laws(LawPieces):
         return Place(piece, s == self.upper.take(piece))
 
     def piece(self, s: Slips, side: int = 1) -> Index:
-        """Address of the piece that holds s; at a kink the piece to its right (side=1) or left
-        (side=-1)."""
-        at = self.locate(s)
-        return at.piece + at.on if side > 0 else at.piece
+        """Return the address of the piece that holds s.
+
+        side: at a kink the piece to its right (1) or left (−1)
+        """
+        place = self.locate(s)
+        return place.piece + place.on if side > 0 else place.piece
 
     def b(self, s: Slips, side: int = 1) -> Array:
-        """One selection of b̂: the right limit of b (side=1) or the left one (side=-1)."""
+        """Return one selection of b̂: the right limit of b (side=1) or the left one (side=−1)."""
         return self.value(s, self.piece(s, side))
 
     def interval(
-        self, s: Slips, tolerance: float = 0.0, at: Place | None = None
+        self, s: Slips, tolerance: float = 0.0, place: Place | None = None
     ) -> tuple[Array, Array]:
-        """The filled interval b̂(s) = [b⁻(s), b⁺(s)]; slips within `tolerance` of a kink count as
-        on it.
+        """Return the filled interval b̂(s) = [b⁻(s), b⁺(s)].
 
-        at: what `locate` says of s
+        tolerance: slips within this distance of a kink count as on it [m]
+        place:     what `locate` returns for s
         """
         s = np.asarray(s, dtype=float)
-        at = at or self.locate(s)
-        left = self.value(s, at.piece)
-        right = np.where(at.on, self.value(s, at.piece + at.on), left) if np.any(at.on) else left
+        place = place or self.locate(s)
+        left = self.value(s, place.piece)
+        right = left
+        if np.any(place.on):
+            right = np.where(place.on, self.value(s, place.piece + place.on), left)
         if tolerance:
-            near = self.nearest_kink(s)
-            on = np.abs(s - self.kink(near)) <= tolerance
-            left, right = (
-                np.where(on, limit, b)
-                for limit, b in zip(self.limits(near), (left, right), strict=True)
-            )
+            kink = self.nearest_kink(s)
+            on_kink = np.abs(s - self.kink(kink)) <= tolerance
+            left_limit, right_limit = self.limits(kink)
+            left = np.where(on_kink, left_limit, left)
+            right = np.where(on_kink, right_limit, right)
         return np.minimum(left, right), np.maximum(left, right)
 
     def nearest_kink(self, s: Slips) -> Index:
-        """Address of the kink closest to each s, of two as close that to the right; without one
-        none to be used."""
+        """Return the address of the kink closest to each s, of two as close the right one.
+
+        It is not the address of a kink if the law has none.
+        """
         piece = self.locate(s).piece
-        return np.asarray(piece - (s - self.lower.take(piece) < self.upper.take(piece) - s))
+        left_is_nearer = s - self.lower.take(piece) < self.upper.take(piece) - s
+        return np.asarray(piece - left_is_nearer)
 
     def sticking(self, v: Array) -> Flags:
-        """(m,) nodes that rest on an up-jump of b."""
+        """Return (m,) nodes that sit on an up-jump of b."""
         return np.asarray(self.kind(self.locate(v)) == UP)
 
     def integral(
-        self, x: Slips, y: Slips, x_at: Place | None = None, y_at: Place | None = None
+        self, x: Slips, y: Slips, x_place: Place | None = None, y_place: Place | None = None
     ) -> Array:
-        """j(y) − j(x) = ∫_x^y b without cancellation; x_at, y_at: what `locate` says of x and y
-        [Pa·m]."""
-        x, y = np.asarray(x), np.asarray(y)
-        x_at, y_at = x_at or self.locate(x), y_at or self.locate(y)
+        """Return j(y) − j(x) = ∫_x^y b without cancellation [Pa·m].
+
+        x_place, y_place: what `locate` returns for x and y
+        """
+        x = np.asarray(x)
+        y = np.asarray(y)
+        x_place = x_place or self.locate(x)
+        y_place = y_place or self.locate(y)
         rising = y >= x
-        first = x_at.toward(rising)
-        last = np.where(x == y, first, y_at.toward(~rising))
-        total = np.asarray(self.piece_integral(first, x, np.where(first == last, y, x)))
-        crossed = np.nonzero(first != last)
-        if len(crossed[0]):
-            x, y = (
-                (s if s.shape == total.shape else np.broadcast_to(s, total.shape))[crossed]
-                for s in (x, y)
-            )
-            up, start, end = rising[crossed], first[crossed], last[crossed]
-            leave = np.where(up, self.upper.take(start), self.lower.take(start))
-            enter = np.where(up, self.lower.take(end), self.upper.take(end))
-            at_lower, at_upper = self.primitive
-            between = np.where(
-                up,
-                at_lower.take(end) - at_upper.take(start),
-                at_upper.take(end) - at_lower.take(start),
-            )
-            total[crossed] = (
-                self.piece_integral(start, x, leave) + between + self.piece_integral(end, enter, y)
+        first = x_place.toward(rising)
+        last_crossed = y_place.toward(~rising)
+        last_piece = np.where(x == y, first, last_crossed)
+        in_one_piece = first == last_piece
+        total = np.asarray(self.piece_integral(first, x, np.where(in_one_piece, y, x)))
+        crossing = np.nonzero(~in_one_piece)
+        if len(crossing[0]):
+            start = x if x.shape == total.shape else np.broadcast_to(x, total.shape)
+            end = y if y.shape == total.shape else np.broadcast_to(y, total.shape)
+            total[crossing] = self._integral_over_kinks(
+                start[crossing],
+                end[crossing],
+                first[crossing],
+                last_piece[crossing],
+                rising[crossing],
             )
         return total
 
+    def _integral_over_kinks(
+        self, x: Array, y: Array, first: Index, last_piece: Index, rising: Flags
+    ) -> Array:
+        """Return ∫_x^y b from the piece `first` to another one [Pa·m]."""
+        exit_slip = np.where(rising, self.upper.take(first), self.lower.take(first))
+        entry_slip = np.where(rising, self.lower.take(last_piece), self.upper.take(last_piece))
+        to_lower, to_upper = self.primitive
+        between = np.where(
+            rising,
+            to_lower.take(last_piece) - to_upper.take(first),
+            to_upper.take(last_piece) - to_lower.take(first),
+        )
+        before = self.piece_integral(first, x, exit_slip)
+        after = self.piece_integral(last_piece, entry_slip, y)
+        return np.asarray(before + between + after)
+
     def j(self, s: Slips) -> Array:
-        """The primitive j(s) = ∫₀ˢ b, exact, eq. (17) (shape of s) [Pa·m]."""
+        """Return the primitive j(s) = ∫₀ˢ b, exact, eq. (17) (shape of s) [Pa·m]."""
         s = np.asarray(s)
         flat = np.atleast_1d(s)
         return self.integral(np.zeros(flat.shape), flat).reshape(s.shape)
@@ -278,47 +297,47 @@ class Laws(LawPieces):
     @Fact
     def mirrored(self) -> Laws:
         """The tables of the laws −b(−s)."""
-        signs = (-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0)
-        pieces = [
-            np.ascontiguousarray(sign * x[..., ::-1])
-            for sign, x in zip(signs, self.pieces, strict=False)
-        ]
-        found = Laws(self.name, np.ascontiguousarray(-self.kinks[..., ::-1]), *pieces)
+        signs = (-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0)  # of `pieces`
+        columns = []
+        for sign, column in zip(signs, self.pieces, strict=False):
+            columns.append(np.ascontiguousarray(sign * column[..., ::-1]))
+        kinks = np.ascontiguousarray(-self.kinks[..., ::-1])
         kinds = np.concatenate([self.kinds[..., ::-1], self.kind_above[..., -1:]], axis=-1)
-        return found.known(
+        return Laws(self.name, kinks, *columns).known(
             kind_above=np.ascontiguousarray(kinds), scales=self.scales, falls=self.falls
         )
 
-    def placed(self, strength: float = 1.0, stretch: float = 1.0, moved: float = 0.0) -> Laws:
-        """The laws strength · b((s − moved)/stretch).
+    def placed(self, strength: float = 1.0, stretch: float = 1.0, shift: float = 0.0) -> Laws:
+        """Return the laws strength · b((s − shift)/stretch).
 
         A narrow piece whose ends are rounded keeps the values there: slope and rate follow its
         width. Two kinks that become one are a jump.
         """
-        if (strength, stretch, moved) == (1.0, 1.0, 0.0):
+        if (strength, stretch, shift) == (1.0, 1.0, 0.0):
             return self
         if not self.one:
-            return self.mapped(lambda law: law.placed(strength, stretch, moved))
-        kinks, s_0 = (s * stretch + moved for s in (self.kinks, self.s_0))
-        width, rounded = np.diff(self.kinks) * stretch, np.diff(kinks)
-        ends = [[1.0 / stretch]] * min(len(kinks), 1)
-        rate = np.concatenate(
-            [[1.0 / stretch], width / np.where(rounded > 0.0, rounded, width) / stretch, *ends]
-        )
-        kept = np.concatenate([[True], rounded > 0.0, [True]])[: len(self.q)]
+            return self.mapped(lambda law: law.placed(strength, stretch, shift))
+        kinks = self.kinks * stretch + shift
+        s_0 = self.s_0 * stretch + shift
+        exact_width = np.diff(self.kinks) * stretch
+        rounded_width = np.diff(kinks)
+        has_width = rounded_width > 0.0
+        outer_rate = [1.0 / stretch]
+        inner_rate = exact_width / np.where(has_width, rounded_width, exact_width) / stretch
+        rate = np.concatenate([outer_rate, inner_rate, outer_rate if len(kinks) else []])
+        is_kept = np.concatenate([[True], has_width, [True]])[: len(self.q)]
         columns = [s_0, self.b_0 * strength, self.q * strength * rate]
-        columns += [part * (rate if k % 2 else strength) for k, part in enumerate(self.pieces[3:])]
-        return Laws(self.name, kinks[kept[1:]], *(column[kept] for column in columns))
+        for amplitude, decay_rate in zip(self.pieces[3::2], self.pieces[4::2], strict=True):
+            columns += [amplitude * strength, decay_rate * rate]
+        return Laws(self.name, kinks[is_kept[1:]], *(column[is_kept] for column in columns))
 
     def times(self, strength: float) -> Laws:
-        """The law `strength` × b, b ≡ 0 for 0."""
+        """Return the law `strength` × b, b ≡ 0 for 0."""
         if strength == 0.0:
             return NONE
-        made = (
-            self.made
-            if self.made is None
-            else replace(self.made, strength=strength * self.made.strength)
-        )
+        made = self.made
+        if made is not None:
+            made = replace(made, strength=strength * made.strength)
         return replace(self.placed(strength), made=made)
 
     @Fact
@@ -326,9 +345,8 @@ class Laws(LawPieces):
         """(…, K−1) pieces between kinks that are no wider than NARROW roundings of the slip."""
         size = np.abs(self.kinks)
         with np.errstate(invalid="ignore"):  # of kinks at infinity, behind the last of a law
-            return np.diff(self.kinks) <= NARROW * np.spacing(
-                np.maximum(size[..., :-1], size[..., 1:])
-            )
+            rounding = np.spacing(np.maximum(size[..., :-1], size[..., 1:]))
+            return np.diff(self.kinks) <= NARROW * rounding
 
     @property
     def has_narrow_pieces(self) -> bool:
@@ -342,10 +360,9 @@ class Laws(LawPieces):
 
     @property
     def without_narrow_pieces(self) -> Laws:
-        """The laws with pieces of up to NARROW roundings of the slip as jumps; the same where there
-        are none.
+        """The laws with pieces of up to NARROW roundings of the slip as jumps.
 
-        No double lies inside the narrowest of them, so that a descent cannot come to rest there; on
+        No double lies inside the narrowest of them, so that a descent cannot come to rest there. On
         a jump it can.
         """
         if not self.has_narrow_pieces:
@@ -353,13 +370,22 @@ class Laws(LawPieces):
         if not self.one:
             return self.mapped(lambda law: law.without_narrow_pieces)
         narrow = self._narrow
-        kept = np.concatenate([[True], ~narrow, [True]])
-        outer = np.append(narrow, False) & (
-            self.kinks < 0.0
-        )  # of the two ends the one nearer to 0 stays
-        held = np.where(self.kinks < 0.0, ~outer, np.concatenate([[True], ~narrow]))
-        return Laws(self.name, self.kinks[held], *(x[kept] for x in self.pieces))
+        is_kept = np.concatenate([[True], ~narrow, [True]])
+        # of the two ends of a narrow piece the one nearer to 0 stays
+        stays_if_negative = np.append(~narrow, True)
+        stays_otherwise = np.append(True, ~narrow)
+        kink_stays = np.where(self.kinks < 0.0, stays_if_negative, stays_otherwise)
+        return Laws(self.name, self.kinks[kink_stays], *(column[is_kept] for column in self.pieces))
 
 
 NONE = Laws("none", np.zeros(0), *(np.zeros(1) for _ in range(5)))
-"""b ≡ 0: a gap in the bond."""
+"""b ≡ 0: an unbonded patch."""
+
+
+def _padded(rows: Sequence[Array], width: int, padding: float | None = None) -> Array:
+    """Return rows of one width, filled up with `padding` or each row's last value."""
+    table = np.empty((len(rows), width))
+    for table_row, row in zip(table, rows, strict=True):
+        table_row[: len(row)] = row
+        table_row[len(row) :] = row[-1] if padding is None else padding
+    return table

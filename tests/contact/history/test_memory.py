@@ -26,7 +26,7 @@ CASES: list[tuple[Memory, Laws]] = [
     (Memory("damage"), DECAYING),
     (
         Memory("damage"),
-        nodal([SOFTENING, BENT], [0, 1, 0, 1, 0, 1, 0], stronger=[1, 1, 2, 2, 1, 1, 1]),
+        nodal([SOFTENING, BENT], [0, 1, 0, 1, 0, 1, 0], strength=[1, 1, 2, 2, 1, 1, 1]),
     ),
 ]
 
