@@ -120,13 +120,13 @@ def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is
     sound."""
     faults = _check_body(body)
+    given = root.at("body")
+    written = _written_unit(ctx, [given] if faults and given else [])
     for fault in faults:
-        ctx.errors.unfit(
-            root.nearest(*(split_path(fault.where) or ("body",))),
-            fault.where,
-            fault.what,
-            fault.remedy,
-        )
+        place = root.nearest(*(split_path(fault.where) or ("body",)))
+        what = body_faults.spots_in(fault.what, *written)
+        remedy = body_faults.spots_in(fault.remedy, *written)
+        ctx.errors.unfit(place, fault.where, what, remedy)
     return not faults
 
 
@@ -265,11 +265,13 @@ def _written_unit(ctx: Context, points: Iterable[Node]) -> tuple[str, float]:
 
 
 def _leaves(node: Node) -> Iterator[Node]:
-    """Yield the values in a list of lists."""
-    if not isinstance(node.value, tuple):
+    """Yield the values in lists and sections within each other."""
+    value = node.value
+    items = tuple(value.values()) if isinstance(value, Mapping) else value
+    if not isinstance(items, tuple):
         yield node
         return
-    for item in node.value:
+    for item in items:
         yield from _leaves(item)
 
 

@@ -17,6 +17,7 @@ corner of another loop so closely get a corner there. Arcs of regions stay as th
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -97,6 +98,22 @@ def spot(point: ArrayLike) -> str:
     """A point in words."""
     x, y = np.asarray(point, dtype=float)
     return f"({x:.6g}, {y:.6g})"
+
+
+SPOT = re.compile(r"\((-?\d[\d.e+-]*), (-?\d[\d.e+-]*)\)")
+
+
+def spots_in(text: str, unit: str, metres: float) -> str:
+    """Return a text of faults with its places in another unit of so many metres; without one as
+    they are."""
+    if not unit:
+        return text
+
+    def converted(place: re.Match[str]) -> str:
+        x, y = (float(coordinate) / metres for coordinate in place.groups())
+        return f"({x:.6g}, {y:.6g}) {unit}"
+
+    return SPOT.sub(converted, text)
 
 
 def _points(edge: Edge) -> tuple[Point, Point, Point]:

@@ -343,3 +343,12 @@ def test_a_name_of_the_study_goes_before_a_short_name_of_the_program() -> None:
         [3e9],
         [1e9, 2e9],
     ]  # no component
+
+
+def test_places_of_faults_are_in_the_unit_of_the_study() -> None:
+    hole = "holes: [{circle: {center: [100 U, 100 U], radius: 15 U, edge: bore}}]"
+    for unit, words in (("mm", "at (115, 100) mm;"), ("in", "at (115, 100) in;"), ("", ") m;")):
+        text = f"body: {{rectangle: {{width: 200 U, height: 100 U}}, {hole}}}\n"
+        with pytest.raises(StudyError, match="crosses the outline") as fault:
+            read_study_text(text.replace("U", unit))
+        assert words in str(fault.value)
