@@ -629,10 +629,9 @@ def _on_edge(exact: Exact, scene: Scene, edge: Edge, hole: bool) -> float:
     x, y = points.T
     if isinstance(role, Contact):
         return float(weights @ _law(scene, edge, points).j(exact_u_T(exact)(x, y, n)))
-    ux, uy = (value_of(component, x, y) for component in exact.u)
-    work = value_of(role.g[0], x, y) * ux + value_of(role.g[1], x, y) * uy
-    work -= value_of(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
-    return -float(weights @ work)
+    u = np.column_stack([value_of(component, x, y) for component in exact.u])
+    traction = role.traction(n, lambda value: value_of(value, x, y))
+    return -float(weights @ np.sum(traction * u, axis=1))
 
 
 def _places() -> Array:

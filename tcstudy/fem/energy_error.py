@@ -97,8 +97,7 @@ def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
 def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> Array:
     """(s, 2, 2) g − p n of an edge, and what its resultant and its moment spread over it, at points
     (s, 2, 2) [Pa]."""
-    found = np.stack([values_at(component, at) for component in role.g], axis=-1)
-    found = found - values_at(role.pressure, at)[..., None] * normal[:, None]
+    found = role.traction(normal[:, None], lambda value: values_at(value, at))
     found = found + np.array(role.force) / sum(
         curve.length for curve in mesh.geometry.curves if curve.name == name
     )

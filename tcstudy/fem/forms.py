@@ -48,7 +48,17 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
 from tcstudy.laws.composed import NO_JOINTS, Joints
-from tcstudy.scene.records import Clamped, Contact, Point, Rigid, Role, Scalar, Symmetry, Where
+from tcstudy.scene.records import (
+    Clamped,
+    Contact,
+    Direction,
+    Point,
+    Rigid,
+    Role,
+    Scalar,
+    Symmetry,
+    Where,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -477,13 +487,29 @@ class ElasticForms:
 
 
 def edge_load(
-    mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None
+    mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], weights: Array | None = None
 ) -> Array:
-    """∫ q φ_i over study edges, (n,); of q times a component of the outward normal where one is
-    named."""
-    on, edges = mesh.on(*names), mesh.boundary
-    size = edges.length[on] if normal is None else edges.length[on] * edges.normal[on, normal]
-    return _load(mesh, density, mesh.segments[on], size, ngs.SEGM)
+    """Return ∫ q φ_i over study edges, (n,).
+
+    weights: factors (s,) of q on the segments of these edges, 1 without
+    """
+    on_edges = mesh.on(*names)
+    sizes = mesh.boundary.length[on_edges]
+    if weights is not None:
+        sizes = sizes * weights
+    return _load(mesh, density, mesh.segments[on_edges], sizes, ngs.SEGM)
+
+
+def traction_load(
+    mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], direction: Direction
+) -> Array:
+    """Return ∫ q d·v over study edges in x and y, (2, n), d being the direction there."""
+    F = np.zeros((2, mesh.n_points))
+    directions = direction.at(mesh.boundary.normal[mesh.on(*names)])
+    for axis, weights in enumerate(directions.T):
+        if np.any(weights):
+            F[axis] = edge_load(mesh, density, names, weights)
+    return F
 
 
 def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Array:

@@ -96,9 +96,7 @@ def _role(ctx: Context, node: Node) -> Role:
     fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
     for key in foreign:
         fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
-    own = {"heat": read_edge_heat(ctx, fields, kind)} | fields.given(
-        {"g", "pressure", "force", "moment"} - {*foreign}
-    )
+    own = {"heat": read_edge_heat(ctx, fields, kind)} | fields.given({*Role.loads} - {*foreign})
     if any(isinstance(one, Expression) for one in own.get("force", ())):
         said = "a resultant is one number in x and one in y; give g for a traction that varies along the edge"
         fields.fault("force", said)
@@ -109,7 +107,8 @@ def _role(ctx: Context, node: Node) -> Role:
         _check_rigid(
             fields, own.get("u", (None, None)), own.get("force", (0.0, 0.0)), own.get("moment")
         )
-    if kind == "traction" and not any(fields[key] for key in ("g", "pressure", "force", "spring")):
+    actions = [key for key in (*Role.loads, "spring") if key in of_role(kind)]
+    if kind == "traction" and not any(fields[key] for key in actions):
         remedy = (
             "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
         )

@@ -411,7 +411,7 @@ def rim_edges(study: Study | None, group: Any) -> list[NamedEdge]:
 
 def is_loaded(role: Role) -> bool:
     """Return whether an edge of this role carries a traction or a resultant."""
-    return any((*role.g, role.pressure, *role.force))
+    return role.loaded
 
 
 def polylines(segments: Array) -> list[Array]:

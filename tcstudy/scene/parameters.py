@@ -14,7 +14,16 @@ from tcstudy.expressions.expression import Expression, product
 from tcstudy.laws.composed import POINTS, EdgeLaws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.keys import LOADED, Key, law_rows, row, rows
-from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges
+from tcstudy.scene.records import (
+    Clamped,
+    Convection,
+    Loaded,
+    Rigid,
+    Role,
+    Scalar,
+    Scene,
+    exchanges,
+)
 from tcstudy.scene.units import LENGTH, TRACTION
 
 Keys = tuple[str, ...]
@@ -106,11 +115,9 @@ OF_POINT = {
     "s": Key("s", "number", "slip of a law's point", LENGTH),
     "b": Key("b", "number", "b there", TRACTION),
 }
-MECHANICAL = ("g", "pressure", "force", "moment")
-"""Fields of a role that `load` multiplies, beside f."""
 FACTORED = {
     name
-    for one in (*rows("loads").values(), *map(rows("boundary").get, MECHANICAL))
+    for one in (*rows("loads").values(), *map(rows("boundary").get, Role.loads))
     if one
     for name in one.numbers
 }
@@ -170,8 +177,7 @@ def affine_numbers(scene: Scene) -> Found:
                     yield (*path, f"force_{name[-1]}"), force
         elif isinstance(role, Loaded):
             yield from _of_rows(role, "boundary", path, place)
-    loads = (scene.f, *(getattr(role, name) for _, role in scene.boundary for name in MECHANICAL))
-    loaded = any(load not in (None, 0.0, (0.0, 0.0)) for load in loads)
+    loaded = scene.f != (0.0, 0.0) or any(role.loaded for _, role in scene.boundary)
     yield (
         ("load",),
         Number(LOAD, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment"),
@@ -266,11 +272,8 @@ def _scaled_by(scene: Scene, factor: float) -> Scene:
             return product(factor, value)
         return None if value is None else factor * value
 
-    loads = [
-        {name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary
-    ]
-    boundary = (
-        (name, replace(role, **own))
-        for (name, role), own in zip(scene.boundary, loads, strict=True)
-    )
+    boundary = []
+    for edge, role in scene.boundary:
+        loads = {name: scaled(getattr(role, name)) for name in role.loads}
+        boundary.append((edge, replace(role, **loads)))
     return replace(scene, f=scaled(scene.f), boundary=tuple(boundary), load=factor, unscaled=scene)

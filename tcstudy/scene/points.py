@@ -303,13 +303,10 @@ def why_no_bound(scene: Scene) -> str:
     if any(isinstance(f, Expression) and f.constant is None for f in scene.f):
         return "f varies in the body; give numbers"
     for name, role in scene.boundary:
-        given = {
-            "g": role.g,
-            "pressure": (role.pressure,),
-            "u": [u for u in role.u if u is not None],
-        }
-        for key, values in given.items():
-            if not all(map(is_linear, values)):
+        fields = [(term.key, term.value) for term in role.traction_terms]
+        fields += [("u", component) for component in role.u if component is not None]
+        for key, field in fields:
+            if not is_linear(field):
                 return f"{key} of {name} is not linear in x and y; write it so"
     if needs_heat_solve(scene):
         return "the temperature is computed on the mesh; give theta, or the same theta_bar everywhere and no q"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +134,30 @@ Given = tuple[Scalar | None, Scalar | None]
 
 
 @dataclass(frozen=True)
+class Direction:
+    """A direction along an edge: x e_x + y e_y + normal n + tangential t, with t = (−n₂, n₁)."""
+
+    x: float = 0.0
+    y: float = 0.0
+    normal: float = 0.0
+    tangential: float = 0.0
+
+    def at(self, normals: Array) -> Array:
+        """Return the directions (…, 2) at points with the outward unit normals (…, 2)."""
+        tangents = np.stack([-normals[..., 1], normals[..., 0]], axis=-1)
+        fixed = np.array([self.x, self.y])
+        return fixed + self.normal * normals + self.tangential * tangents
+
+
+class TractionTerm(NamedTuple):
+    """A term of the traction on an edge: value [Pa] times direction. key: the key that gives it."""
+
+    key: str
+    value: Scalar
+    direction: Direction
+
+
+@dataclass(frozen=True)
 class Role:
     """What an edge does: how it is held, what loads it, what it rests on, what it does to heat. A
     kind of role has what its keys say; all else is as it is here, so that loads and supports of any
@@ -148,6 +172,8 @@ class Role:
     """
 
     word: ClassVar[str]
+    loads: ClassVar[tuple[str, ...]] = ("g", "pressure", "force", "moment")
+    """Fields that load the body; those with a traction have their terms in `traction_terms`."""
     u: Given = field(default=(None, None), kw_only=True)
     frame: Literal["xy", "nt"] = field(default="xy", kw_only=True)
     g: tuple[Scalar, Scalar] = field(default=(0.0, 0.0), kw_only=True)
@@ -156,6 +182,42 @@ class Role:
     force: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
     moment: float | None = field(default=None, kw_only=True)
     spring: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
+
+    @property
+    def traction_terms(self) -> tuple[TractionTerm, ...]:
+        """Return the terms whose sum is the traction on the edge, g − p n."""
+        return (
+            TractionTerm("g", self.g[0], Direction(x=1.0)),
+            TractionTerm("g", self.g[1], Direction(y=1.0)),
+            TractionTerm("pressure", self.pressure, Direction(normal=-1.0)),
+        )
+
+    def traction(self, normals: Array, values_of: Callable[[Scalar], Array]) -> Array:
+        """Return the traction (…, 2) at points with the outward unit normals (…, 2) [Pa].
+
+        values_of: from a number or an expression to its values (…) at the points
+        """
+        traction = np.zeros(normals.shape)
+        for term in self.traction_terms:
+            values = values_of(term.value)
+            traction = traction + values[..., None] * term.direction.at(normals)
+        return traction
+
+    @property
+    def loaded(self) -> bool:
+        """Return whether a traction, a resultant or a moment acts on the edge."""
+        resultants = (*self.force, self.moment or 0.0)
+        return any(load != 0.0 for load in (*self._tractions, *resultants))
+
+    @property
+    def _tractions(self) -> tuple[Scalar, ...]:
+        return tuple(term.value for term in self.traction_terms)
+
+    def without_loads(self) -> Self:
+        """Return the role without its loads; an edge that turns as a whole still does."""
+        defaults: dict[str, Any] = {name: getattr(type(self), name) for name in self.loads}
+        defaults["moment"] = self.moment and 0.0
+        return replace(self, **defaults)
 
     @property
     def held(self) -> Given:

@@ -35,10 +35,8 @@ from tcstudy.scene.records import (
     Body,
     Clamped,
     Contact,
-    Convection,
     Material,
     Scene,
-    Traction,
     exchanges,
 )
 from tcstudy.scene.study import Study
@@ -161,15 +159,15 @@ def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
 
 
 def _forced(scene: Scene) -> bool:
-    """Whether there is a force, a pressure or a displacement."""
-    given: list[object] = [*scene.f]
+    """Return whether a mechanical load or a displacement is given."""
+    if any(component != 0.0 for component in scene.f):
+        return True
     for _, role in scene.boundary:
-        given += role.force
-        if isinstance(role, Traction | Convection):
-            given += [*role.g, role.pressure]
-        elif isinstance(role, Clamped):
-            given += [component for component in role.u if component is not None]
-    return any(value != 0.0 for value in given)
+        if role.loaded:
+            return True
+        if isinstance(role, Clamped) and any(u is not None and u != 0.0 for u in role.u):
+            return True
+    return False
 
 
 def _warm(scene: Scene) -> bool:

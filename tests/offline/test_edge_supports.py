@@ -2,18 +2,26 @@
 tests/verification/test_rich_scenes.py has the other supports and resultants against a plain
 solve."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
 from tcstudy.contact.solve import solve_contact
-from tcstudy.offline.level import Level
+from tcstudy.expressions.expression import Scalar, parse
+from tcstudy.offline.error_bound import ErrorBounds
+from tcstudy.offline.level import Level, loaded_by
 from tcstudy.offline.requested_outputs import RequestedOutputs
 from tcstudy.read.study import read_study
+from tcstudy.refine.family import ErrorEstimator
+from tcstudy.reports.picture import is_loaded
 from tcstudy.scene.parameters import path_scene
-from tcstudy.scene.records import Scene
+from tcstudy.scene.points import why_no_bound
+from tcstudy.scene.records import Direction, Role, Scene, Traction, TractionTerm
+from tcstudy.study.lint import loaded
 from tcstudy.study.path_run import affine_load
 from tests.commands import CONFIGS
-from tests.verification.scenes import levels_of, study_of
+from tests.verification.scenes import RECTANGLE, levels_of, study_of
 
 RIGID = """
 units: none
@@ -74,3 +82,45 @@ def test_end_of_the_rail_on_its_spring() -> None:
     )
     held = 21e9 * 4.8e-4  # the middle, far from the end, holds all of the thermal force
     assert [one["reaction_middle_x"] for one in found] == pytest.approx([held] * 3, rel=1e-3)
+
+
+@dataclass(frozen=True)
+class Sheared(Traction):
+    """A traction edge with a load that the package does not have: a shear along the edge."""
+
+    loads = (*Traction.loads, "shear")
+    shear: Scalar = 0.0
+
+    @property
+    def traction_terms(self) -> tuple[TractionTerm, ...]:
+        shear = TractionTerm("shear", self.shear, Direction(tangential=1.0))
+        return (*super().traction_terms, shear)
+
+
+def test_a_new_load_of_an_edge_needs_its_role_alone() -> None:
+    """Solutions, estimate, proved bound and warnings of a shear are those of the same `g`; t of the
+    top edge is (−1, 0)."""
+    study = study_of(RECTANGLE, "mesh={maxh: 0.3, levels: 1}")
+    [level] = levels_of(study)
+    boundary = dict(study.scenes[0].boundary)
+
+    def scene_of(top: Role) -> Scene:
+        return replace(study.scenes[0], boundary=tuple((boundary | {"top": top}).items()))
+
+    def results(scene: Scene) -> list[float]:
+        v = solve_contact(level.condensed(scene).problem).v
+        estimates = ErrorEstimator(level, study.mesh).look((), scene, v)
+        bounds = ErrorBounds(level).look(scene, v)
+        return [*v, *level.displacement(scene, v), *estimates.values(), *bounds.values()]
+
+    sheared = scene_of(Sheared(shear=0.02))
+    pulled = scene_of(Traction(g=(-0.02, 0.0)))
+    assert results(sheared) == pytest.approx(results(pulled), rel=1e-9, abs=1e-12)
+    assert np.max(np.abs(results(sheared))) > 0.01
+    unloaded = loaded_by(sheared)
+    assert [*loaded([sheared, unloaded])] == [True, False]
+    assert is_loaded(dict(sheared.boundary)["top"])
+    doubled = path_scene(sheared, ("load",), 2.0)
+    assert level.load(doubled) == pytest.approx(2.0 * level.load(sheared), rel=1e-12)
+    curved = scene_of(Sheared(shear=parse("x^2")))
+    assert why_no_bound(curved).startswith("shear of top is not linear in x and y")

@@ -78,7 +78,7 @@ def test_a_page_gets_the_problems_of_the_points_that_share_the_elastic_ratio(
         assert (
             0.0 < abs(live["mechanical_load"].reshape(len(valid), -1)[i].sum() / load.sum()) < 1.0
         )
-    monkeypatch.setattr(offline, "MOST_NODES", level.line.m - 1)
+    monkeypatch.setattr(offline, "MAX_LIVE_NODES", level.line.m - 1)
     assert offline.live_arrays(level, study.scenes, study.shape) == {}
 
 

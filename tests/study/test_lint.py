@@ -59,6 +59,7 @@ def test_corners_of_chords_are_pinned_and_smooth_junctions_of_arcs_are_not() -> 
         ("boundary.top=free", "nothing loads this scene"),
         ("boundary.top={role: traction, g: [0, 0]}", "nothing loads this scene"),
         ("boundary.left={role: clamped, u_x: 0.1, u_y: 0}", ""),
+        ("boundary.right={role: rigid, moment: 0.1}", ""),
         ("loads.f=[0, -1]", ""),
         (
             "friction={law: piecewise-linear, points: [[-1, -1], [1, 2]], odd: false, slopes: [1, 1]}",

@@ -90,7 +90,7 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
         for name in edges
     }
     above = 0.3 + LINE * max(map(len, labels.values()))
-    above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in roles.values())
+    above += ARROW * any(role.loaded for role in roles.values())
     body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
     body += (
         f", drawn {number(scales[1] / scales[0], 2)} times as high as it is"
@@ -252,7 +252,7 @@ def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator
             return np.broadcast_to(value.evaluate(*points.T), len(points)).astype(float)
         return np.full(len(points), 0.0 if value is None else float(value))
 
-    load = np.column_stack([at(one) for one in role.g]) - at(role.pressure)[:, None] * normals
+    load = role.traction(normals, at)
     first, second = map(at, role.u)
     moved = np.column_stack([first, second])
     if role.frame == "nt":
