@@ -35,7 +35,7 @@ from tcstudy.laws.composed import nodal, piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.heat import Recent
 from tcstudy.offline.level import Level
-from tcstudy.scene.points import why_no_bound
+from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]

@@ -23,8 +23,8 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.document import Node, split_path
 from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.step import KERNEL_UNIT, same_unit, stated_units, unit_name
+from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.keys import rows
-from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import (
     BODY,
     Body,

@@ -2,8 +2,7 @@
 point has.
 
 Swept parameters that change nothing, which the user should know before he reads equal rows as a
-finding; and of which scenes the error of a solution can be bounded: those whose data equilibrium
-elements have exactly.
+finding.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.expression import Expression, is_linear
+from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP
@@ -295,28 +294,3 @@ def _felt(scene: Scene) -> Iterator[object]:
         )
         yield from (one.beta for one in all_of)
         yield heat.theta if heat.theta is not None else given[:1]
-
-
-def why_no_bound(scene: Scene) -> str:
-    """Why `error_bound` is not proved of a scene, and what to do; empty if it is, wherever ω < λ₁
-    of the body."""
-    if any(isinstance(f, Expression) and f.constant is None for f in scene.f):
-        return "f varies in the body; give numbers"
-    for name, role in scene.boundary:
-        fields = [(term.key, term.value) for term in role.traction_terms]
-        fields += [("u", component) for component in role.u if component is not None]
-        for key, field in fields:
-            if not is_linear(field):
-                return f"{key} of {name} is not linear in x and y; write it so"
-    if needs_heat_solve(scene):
-        return "the temperature is computed on the mesh; give theta, or the same theta_bar everywhere and no q"
-    if scene.material.expands and scene.heat.theta is not None and not is_linear(scene.heat.theta):
-        return "theta is not linear in x and y; write it so"
-    if any(law.omega == float("inf") for law in scene.laws):
-        return "the friction law jumps down; let it fall over a slip"
-    strengths = (
-        () if isinstance(scene.friction, Laws) else [factor for _, _, factor in scene.friction.laws]
-    )
-    if any(isinstance(factor, Expression) and factor.constant is None for factor in strengths):
-        return "the strength of friction varies along an edge; give numbers by edge"
-    return ""

@@ -30,7 +30,8 @@ from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
 from tcstudy.read.document import Collector, Found, located, tree_of
 from tcstudy.read.fields import names_needed
-from tcstudy.scene.points import combinations, distinct, idle_notes, why_no_bound
+from tcstudy.scene.guarantee import why_no_bound
+from tcstudy.scene.points import combinations, distinct, idle_notes
 from tcstudy.scene.records import (
     Body,
     Clamped,

@@ -17,7 +17,7 @@ from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
 from tcstudy.reports.terminal.summary import verdict_of
-from tcstudy.scene.points import why_no_bound
+from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
 from tests.verification.test_guaranteed import scene_of
