@@ -2,9 +2,12 @@
 that can be run."""
 
 import re
+import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from tcstudy.read.study import read_study
 from tests.commands import CONFIGS, tcstudy_command
@@ -109,3 +112,17 @@ def test_every_study_is_planned(config: Path, tmp_path: Path) -> None:
     assert does in said.stdout
     assert " GB\n" in said.stdout
     assert not list(tmp_path.iterdir())
+
+
+def test_changes_and_citation_are_shipped_and_of_this_version() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    version = settings["project"]["version"]
+    changes = (PACKAGE / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (.*)$", changes, re.MULTILINE)[0] == version
+    citation = YAML(typ="safe").load(PACKAGE / "CITATION.cff")
+    assert citation["version"] == version
+    address = settings["project"]["urls"]["Paper of the method"]
+    assert address == f"https://doi.org/{citation['preferred-citation']['doi']}"
+    shipped = settings["tool"]["setuptools"]["package-data"]["tcstudy"]
+    for name in ("CHANGELOG.md", "CITATION.cff", "METHOD.md"):
+        assert any(fnmatch(name, pattern) for pattern in shipped)
