@@ -132,6 +132,7 @@ class RunSeen:
         )
         self.dims = tuple(dim for dim in nc["status"].dimensions if dim != "level")
         self.units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
+        self._shown = dict[str, tuple[list[str], str]]()
         self.status = np.asarray(self.take("status"))
         self.ok: Flags = self.status == int(PointStatus.OK)
 
@@ -177,9 +178,11 @@ class RunSeen:
         return symbol(str(self.nc[name].__dict__.get("long_name", name)))
 
     def shown(self, name: str) -> tuple[list[str], str]:
-        """The labels of an axis and their unit as it is read."""
-        shown, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
-        return shown, pretty(unit)
+        """The labels of an axis and their unit as it is read; each is asked of many failed points."""
+        if name not in self._shown:
+            shown, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
+            self._shown[name] = shown, pretty(unit)
+        return self._shown[name]
 
     def labelled(self, place: Mapping[str, int]) -> list[str]:
         """The labels of a point along axes with several values, "θ̄ = 12 K", "friction:
