@@ -108,14 +108,17 @@ def _sum_of_pieces(laws: Sequence[Laws], lower: float, upper: float) -> tuple[fl
     if not np.isfinite(lower):
         side = -1
         end = upper if np.isfinite(upper) else 0.0
-    addressed = [(law, int(law.piece(end, side))) for law in laws]
-    b_0 = sum(float(law.b_0[k] + law.q[k] * (s_0 - law.s_0[k])) for law, k in addressed)
-    q = sum(float(law.q[k]) for law, k in addressed)
+    b_0 = 0.0
+    q = 0.0
     amplitudes: dict[float, float] = {}  # by rate
-    for law, k in addressed:
+    for law in laws:
+        k = int(law.piece(end, side))
+        distance = s_0 - law.s_0[k]
+        b_0 += float(law.b_0[k] + law.q[k] * distance)
+        q += float(law.q[k])
         if law.a[k]:
             r = float(law.r[k])
-            a = float(law.a[k] * np.exp(-law.r[k] * (s_0 - law.s_0[k])))
+            a = float(law.a[k] * np.exp(-law.r[k] * distance))
             amplitudes[r] = amplitudes.get(r, 0.0) + a
     decays = sorted(amplitudes.items(), key=lambda decay: abs(decay[0]))
     decays += [(0.0, 0.0)] * (2 - len(decays))
@@ -462,7 +465,8 @@ def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
     if law.a_2 is not None and law.r_2 is not None:
         first = Laws(law.name, law.kinks, law.s_0, law.b_0, law.q, law.a, law.r)
         second = Laws(law.name, law.kinks, law.s_0, zero, zero, law.a_2, law.r_2)
-        return total(_polygon(first, 0.5 * allowed, s_max), _polygon(second, 0.5 * allowed, s_max))
+        first_polygon = _polygon(first, 0.5 * allowed, s_max)
+        return total(first_polygon, _polygon(second, 0.5 * allowed, s_max))
     kinks: list[float] = []
     sides: list[tuple[float, float, float]] = []
     for k in range(len(law.q)):

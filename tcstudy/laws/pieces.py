@@ -3,7 +3,8 @@
 Law:        b piecewise smooth with finitely many kinks; b̂(s) fills its jumps vertically, eq. (4)
 Primitive:  j(s) = ∫₀ˢ b(t) dt, exact, eq. (17)
 Growth:     eqs. (15) and (16)
-Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), doi 10.3879/j.issn.1000-0887.2010.01.008
+Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010),
+            doi 10.3879/j.issn.1000-0887.2010.01.008
 
 A law is K kinks and K + 1 pieces, piece k being
 
@@ -105,7 +106,8 @@ class LawPieces:
     """The pieces of friction laws, by address.
 
     name:     the shape's name, for reports
-    kinks:    (…, K) slips at which b jumps or bends, strictly increasing, +∞ behind the last of a law with fewer [m]
+    kinks:    (…, K) slips at which b jumps or bends, strictly increasing, +∞ behind the last of a
+              law with fewer [m]
     s_0:      (…, K+1) anchor of each piece: an end of it, or another slip not far from it [m]
     b_0, q:   (…, K+1) value of the linear part of each piece at its anchor [Pa], its slope [Pa/m]
     a, r:     (…, K+1) amplitude of the exponential part at the anchor [Pa], its rate [1/m]
@@ -365,8 +367,9 @@ class LawPieces:
 
     def end_values(self, piece: Index) -> tuple[Array, Array]:
         """Return b at the left and the right end of the addressed pieces, NaN at infinity [Pa]."""
-        ends = (np.where(np.isfinite(end), end, np.nan) for end in self.ends(piece))
-        left, right = (self.value(end, piece) for end in ends)
+        lower, upper = self.ends(piece)
+        left = self.value(np.where(np.isfinite(lower), lower, np.nan), piece)
+        right = self.value(np.where(np.isfinite(upper), upper, np.nan), piece)
         return left, right
 
     def kind(self, place: Place) -> NDArray[np.int8]:
@@ -452,8 +455,8 @@ class LawPieces:
             wrong_limit = b_0 < 0.0 or (b_0 == 0.0 and slowest_amplitude < 0.0)
             if q < 0.0 or (q == 0.0 and wrong_limit):
                 raise GrowthError(
-                    f"b ends with the wrong sign as {side} (last slope {q:g}, last value {sign * b_0:g}), "
-                    "so eq. (15) fails: friction must not push the slip on for large |s|"
+                    f"b ends with the wrong sign as {side} (last slope {q:g}, "
+                    f"last value {sign * b_0:g}), so eq. (15) fails: friction must oppose large slip"
                 )
 
 

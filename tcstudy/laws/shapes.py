@@ -1,10 +1,9 @@
-"""The named shapes of friction laws: their parameters, the checks of their values, and the pieces
-of the law.
+"""The named shapes of friction laws: their parameters, the checks of values, and the pieces.
 
-Every shape but a non-odd piecewise-linear one is odd, b(−s) = −b(s), and is written down for s > 0
-only; the mirror image changes signs and nothing else, so the symmetry holds to the bit. b(0+) > 0
-is the sticking up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jovanović
-(2010).
+Every shape but a piecewise-linear one with odd: false is odd, b(−s) = −b(s), and is written down
+for s > 0 only. The mirror image changes signs and nothing else, so that the symmetry holds to the
+bit. b(0+) > 0 is the sticking up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of
+Šestak & Jovanović (2010).
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ from tcstudy.laws.laws import Laws, Made
 
 MAX_TEETH = 10_000
 ROUNDING = 2 * float(np.finfo(float).eps)
-"""Corners nearer than this to the straight line between their neighbours, relative to b there, are
-none."""
+"""Corners this close to the line between their neighbours, relative to b, count as straight."""
 
 Builder = TypeVar("Builder", bound=Callable[..., Laws])
 
 
 class LawError(ValueError):
-    """A parameter of a friction law is missing, unknown or has no meaning; the text gives the
-    remedy.
+    """A parameter of a friction law is missing, unknown or has no meaning.
+
+    The text gives the remedy.
 
     parameter: its name
     """
@@ -56,46 +55,50 @@ class _Piece(NamedTuple):
     r: float = 0.0
 
     def mirrored(self) -> _Piece:
-        """The piece −b(−s)."""
+        """Return the piece −b(−s)."""
         return _Piece(-self.s_0, -self.b_0, self.q, -self.a, -self.r)
 
-    def goes_on_as(self, other: _Piece) -> bool:
-        """True if both are the same function; a constant has no anchor."""
-        return self[1:] == other[1:] and (
-            self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0)
-        )
+    def goes_on_as(self, following: _Piece) -> bool:
+        """Return whether both are the same function; a constant has no anchor."""
+        is_constant = self.q == 0.0 and self.a == 0.0
+        return self[1:] == following[1:] and (self.s_0 == following.s_0 or is_constant)
 
 
 def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
-    """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
-    keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
-    kept = [pieces[0], *(pieces[i + 1] for i in keep)]
-    columns = (np.array(column) + 0.0 for column in zip(*kept, strict=True))
-    return Laws(
-        name,
-        np.array([kinks[i] for i in keep], dtype=complex if _varied(*kinks) else float),
-        *columns,
-    )
+    """Return a law from its kinks and pieces, without kinks between two equal pieces."""
+    kept_kinks = []
+    kept_pieces = [pieces[0]]
+    for kink, (before, after) in zip(kinks, pairwise(pieces), strict=True):
+        if not before.goes_on_as(after):
+            kept_kinks.append(kink)
+            kept_pieces.append(after)
+    columns = [np.array(column) + 0.0 for column in zip(*kept_pieces, strict=True)]
+    number_type = complex if _varied(*kinks) else float
+    return Laws(name, np.array(kept_kinks, dtype=number_type), *columns)
 
 
 def _varied(*numbers: float | None) -> bool:
-    """Whether some are complex: those of a law that is to be differentiated."""
-    return any(isinstance(x, complex) for x in numbers)
+    """Return whether some are complex: those of a law that is to be differentiated."""
+    return any(isinstance(number, complex) for number in numbers)
 
 
 def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
-    """The odd law whose kinks and pieces for s > 0 are given."""
-    left = [piece.mirrored() for piece in reversed(pieces)]
-    return _law(name, [*(-s for s in reversed(kinks)), 0.0, *kinks], [*left, *pieces])
+    """Return the odd law whose kinks and pieces for s > 0 are given."""
+    mirrored_kinks = [-s for s in reversed(kinks)]
+    mirrored_pieces = [piece.mirrored() for piece in reversed(pieces)]
+    return _law(name, [*mirrored_kinks, 0.0, *kinks], [*mirrored_pieces, *pieces])
 
 
 @dataclass(frozen=True)
 class LawParameter:
     """A parameter of a shape.
 
-    dimension: SI unit of its numbers;  meaning: in a line;  example: a value as it is suggested, "" that of the unit
+    dimension: SI unit of its numbers
+    meaning:   one line
+    example:   a value as it is suggested; "" for that of the unit
     kind:      "number", "integer", "flag", "numbers" or "law points"
-    default:   what stands for it if it is not given and not required;  least: of a number
+    default:   value of an optional parameter that is not given
+    least:     smallest value of a number
     bound:     "positive", "not negative", "share" (above 0 and at most 1) or none
     """
 
@@ -110,7 +113,10 @@ class LawParameter:
     bound: str = ""
 
 
-LENGTH, TRACTION, STIFFNESS, ENERGY = "m", "Pa", "Pa/m", "J/m^2"
+LENGTH = "m"
+TRACTION = "Pa"
+STIFFNESS = "Pa/m"
+ENERGY = "J/m^2"
 _traction = partial(LawParameter, dimension=TRACTION, bound="not negative")
 _slip = partial(LawParameter, dimension=LENGTH, bound="positive")
 _TAU = _traction("tau", "traction, of a saw-tooth its first peak")
@@ -138,22 +144,30 @@ class Shape:
     builder: Callable[..., Laws]
 
     def build(self, **values: object) -> Laws:
-        """The law with these parameters (consistent units).
+        """Return the law with these parameters (consistent units).
 
         Raises LawError for a missing, unknown or meaningless parameter, GrowthError unless (15) and
         (16) hold.
         """
         names = [parameter.name for parameter in self.parameters]
-        if name := next((name for name in values if name not in names), ""):
-            near = difflib.get_close_matches(name, names, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise LawError(
-                name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}"
-            )
-        given = {p.name: _checked(self.name, p, values.get(p.name)) for p in self.parameters}
-        law = replace(self.builder(**given), made=Made(self.name, given))
+        for name in values:
+            if name not in names:
+                raise self._unknown(name, names)
+        checked_values = {}
+        for parameter in self.parameters:
+            value = values.get(parameter.name)
+            checked_values[parameter.name] = _checked(self.name, parameter, value)
+        law = self.builder(**checked_values)
+        law = replace(law, made=Made(self.name, checked_values))
         law.check_growth()
         return law
+
+    def _unknown(self, name: str, names: list[str]) -> LawError:
+        similar = difflib.get_close_matches(name, names, n=1)
+        hint = f"did you mean {similar[0]!r}? " if similar else ""
+        return LawError(
+            name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}"
+        )
 
 
 _BOUNDS: dict[str, tuple[Callable[[float], bool], str]] = {
@@ -167,13 +181,17 @@ _BOUNDS: dict[str, tuple[Callable[[float], bool], str]] = {
     ),
     "not negative": (
         lambda x: x >= 0.0,
-        "must be at least 0, not {:g}: friction opposes the slip; for other laws use piecewise-linear",
+        "must be at least 0, not {:g}: friction opposes the slip; "
+        "for other laws use piecewise-linear",
     ),
 }
 
 
 def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
-    """The value of a parameter as its kind asks for, or its default."""
+    """Return the value of a parameter in the form of its kind, or its default.
+
+    Raises LawError for a missing value, one of another kind, or one outside its bound.
+    """
     name = parameter.name
     if value is None:
         if parameter.required:
@@ -192,14 +210,7 @@ def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
         case "numbers":
             return [_number(name, item) for item in _items(name, value, "numbers, [left, right]")]
         case "law points":
-            pairs = [
-                _items(name, item, "pairs [s, b]") for item in _items(name, value, "pairs [s, b]")
-            ]
-            if not pairs or any(len(pair) != 2 for pair in pairs):
-                raise LawError(
-                    name, "must be a list of at least one pair [s, b] of slip and traction"
-                )
-            return [(_number(name, s), _number(name, b)) for s, b in pairs]
+            return _law_points(name, value)
     number = _number(name, value)
     holds, message = _BOUNDS.get(parameter.bound, (np.isfinite, ""))
     if not holds(number):
@@ -207,9 +218,18 @@ def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
     return number
 
 
-def _items(name: str, value: object, what: str) -> list[object]:
+def _law_points(name: str, value: object) -> list[tuple[float, float]]:
+    """Return pairs (s, b) of a list of pairs; raise LawError for anything else."""
+    items = _items(name, value, "pairs [s, b]")
+    pairs = [_items(name, item, "pairs [s, b]") for item in items]
+    if not pairs or any(len(pair) != 2 for pair in pairs):
+        raise LawError(name, "must be a list of at least one pair [s, b] of slip and traction")
+    return [(_number(name, s), _number(name, b)) for s, b in pairs]
+
+
+def _items(name: str, value: object, content: str) -> list[object]:
     if isinstance(value, (str, bytes)) or not isinstance(value, (Sequence, np.ndarray)):
-        raise LawError(name, f"must be a list of {what}, not {value!r}")
+        raise LawError(name, f"must be a list of {content}, not {value!r}")
     return list(value)
 
 
@@ -226,11 +246,12 @@ SHAPES: dict[str, Shape] = {}
 
 
 def _shape(*parameters: LawParameter) -> Callable[[Builder], Builder]:
-    """Puts a builder of laws among the shapes, under its name; its docstring is the summary."""
+    """Return a decorator that adds a builder to the shapes; its docstring is the summary."""
 
     def register(builder: Builder) -> Builder:
         name = builder.__name__.replace("_", "-")
-        SHAPES[name] = Shape(name, parameters, " ".join((builder.__doc__ or "").split()), builder)
+        summary = " ".join((builder.__doc__ or "").split())
+        SHAPES[name] = Shape(name, parameters, summary, builder)
         return builder
 
     return register
@@ -246,11 +267,8 @@ def tresca(tau: float) -> Laws:
 def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
     """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b =
     tau_k"""
-    return _odd(
-        "slip-weakening",
-        [delta],
-        [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)],
-    )
+    initial = _Piece(0.0, tau_s, (tau_k - tau_s) / delta)
+    return _odd("slip-weakening", [delta], [initial, _Piece(delta, tau_k)])
 
 
 @_shape(_traction("a", "traction of rest"), _traction("b", "of much slip"), _DELTA)
@@ -275,12 +293,12 @@ def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -
     """
     if not 1 <= teeth <= MAX_TEETH:
         raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
-    peaks = [tau * decay**i for i in range(teeth + 1)]
-    pieces = [
-        _Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta)
-        for i, peak in enumerate(peaks[:-1])
-    ]
-    pieces.append(_Piece(teeth * delta, (1.0 - drop) * peaks[-1]))
+    pieces = []
+    for i in range(teeth):
+        peak = tau * decay**i
+        pieces.append(_Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta))
+    residual = (1.0 - drop) * (tau * decay**teeth)
+    pieces.append(_Piece(teeth * delta, residual))
     return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], pieces)
 
 
@@ -324,8 +342,10 @@ def trilinear(tau: float, s0: float, sf: float, tau_r: float) -> Laws:
 
 
 def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float | None) -> float:
-    """The slip at which a law that falls from tau at s1 has reached 0: sf, or as the energy below
-    it says."""
+    """Return the slip at which a law that falls from tau at s1 has reached 0.
+
+    It is sf, or follows from the fracture energy.
+    """
     if sf is not None and energy is not None:
         raise LawError("G_f", "follows from sf; give one of the two")
     if sf is not None:
@@ -339,27 +359,30 @@ def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float 
         raise LawError("tau", _BOUNDS["positive"][1].format(tau))
     end = 2.0 * energy / tau - (s1 - s0)
     if not end > s1:
-        least = tau * (s1 - 0.5 * s0)
+        smallest = tau * (s1 - 0.5 * s0)
         raise LawError(
             "G_f",
-            f"must be above {least:g} J/m^2, what is below b up to s = {s1:g} m, not {energy:g}",
+            f"must be above {smallest:g} J/m^2, what is below b up to s = {s1:g} m, not {energy:g}",
         )
     return end
 
 
 def _interface(name: str, tau: float, *corners: tuple[float, float]) -> Laws:
-    """The odd law through 0 and these corners (s, b), constant after the last."""
+    """Return the odd law through 0 and these corners (s, b), constant after the last."""
     names = ("s0", "s1", "sf") if len(corners) == 3 else ("s0", "sf")
-    for (before, (least, _)), (after, (s, _)) in pairwise(zip(names, corners, strict=False)):
-        if not s > least:
-            raise LawError(after, f"must be above {before} = {least:g}, not {s:g}")
-    pieces = [_Piece(0.0, 0.0, tau / corners[0][0])]
-    pieces += [_Piece(s, b, (after - b) / (end - s)) for (s, b), (end, after) in pairwise(corners)]
-    return _odd(name, [s for s, _ in corners], [*pieces, _Piece(*corners[-1])])
+    slips = [s for s, _ in corners]
+    for (name_before, before), (name_after, after) in pairwise(zip(names, slips, strict=False)):
+        if not after > before:
+            raise LawError(name_after, f"must be above {name_before} = {before:g}, not {after:g}")
+    pieces = [_Piece(0.0, 0.0, tau / slips[0])]
+    for (s, b), (next_s, next_b) in pairwise(corners):
+        pieces.append(_Piece(s, b, (next_b - b) / (next_s - s)))
+    pieces.append(_Piece(*corners[-1]))
+    return _odd(name, slips, pieces)
 
 
 class _Vertex(NamedTuple):
-    """A corner of a polygonal law: b on both sides of s; equal where b only bends."""
+    """A corner of a polygonal law: b on both sides of s; both are equal where b only bends."""
 
     s: float
     left: float
@@ -392,22 +415,32 @@ def piecewise_linear(
         raise LawError("slopes", "belongs to laws with odd: false; an odd law takes one slope")
     first = vertices[0]
     if first.s.real != 0.0:
-        raise LawError("points", f"an odd law is given from s = 0 on, but the first point has s = {first.s:g}; "
-                       "start with [0, b], or write odd: false and give b for all s")  # fmt: skip
+        raise LawError(
+            "points",
+            f"an odd law is given from s = 0 on, but the first point has s = {first.s:g}; "
+            "start with [0, b], or write odd: false and give b for all s",
+        )
     if first.left not in (0.0, first.right, -first.right):
-        raise LawError("points", f"an odd law jumps at s = 0 between -b and b, but the points say from "
-                       f"{first.left:g} to {first.right:g}; give one point [0, b]")  # fmt: skip
-    kinks, pieces = _polygon([first._replace(left=first.right), *vertices[1:]], None, slope or 0.0)
+        raise LawError(
+            "points",
+            "an odd law jumps at s = 0 between -b and b, but the points say from "
+            f"{first.left:g} to {first.right:g}; give one point [0, b]",
+        )
+    vertices[0] = first._replace(left=first.right)
+    kinks, pieces = _polygon(vertices, None, slope or 0.0)
     return _odd("piecewise-linear", kinks, pieces)
 
 
 def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
-    """The points in one vertex per slip; raises LawError if they are out of order."""
+    """Return one vertex per slip; raise LawError if the points are out of order."""
     vertices: list[_Vertex] = []
     for number, (s, b) in enumerate(points, start=1):
         if vertices and s.real < vertices[-1].s.real:
-            raise LawError("points", f"s must not decrease, but point {number} has s = {s:g} after "
-                           f"{vertices[-1].s:g}; put the points in order of s")  # fmt: skip
+            raise LawError(
+                "points",
+                f"s must not decrease, but point {number} has s = {s:g} after "
+                f"{vertices[-1].s:g}; put the points in order of s",
+            )
         if not vertices or s.real > vertices[-1].s.real:
             vertices.append(_Vertex(s, b, b))
         elif number > 2 and points[number - 3][0].real == s.real:
@@ -420,62 +453,76 @@ def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
 
 
 def _polygon(
-    vertices: list[_Vertex], left: float | None, right: float
+    vertices: list[_Vertex], left_slope: float | None, right_slope: float
 ) -> tuple[list[float], list[_Piece]]:
-    """Kinks and pieces of a polygonal law, without corners that are straight to rounding.
+    """Return kinks and pieces of a polygonal law, without corners that are straight to rounding.
 
-    left, right: slopes beyond the ends; without a left one the law begins at the first vertex,
-    which is no kink
+    The slopes are those beyond the ends. Without a left one the law begins at the first vertex,
+    which is not a kink.
     """
     corners = _corners(vertices)
-    lines = [_line(a, b) for a, b in pairwise(corners)]
-    first, last = corners[0], corners[-1]
-    outer = [] if left is None else [(first, _Piece(first.s, first.left, left))]
-    pieces = [line for _, line in outer] + lines + [_Piece(last.s, last.right, right)]
-    kinks = [corner.s for corner in (corners if outer else corners[1:])]
+    first, last_corner = corners[0], corners[-1]
+    kinks = [corner.s for corner in corners[1:]]
+    pieces = [_line(start, end) for start, end in pairwise(corners)]
+    pieces.append(_Piece(last_corner.s, last_corner.right, right_slope))
+    if left_slope is not None:
+        kinks.insert(0, first.s)
+        pieces.insert(0, _Piece(first.s, first.left, left_slope))
+    if _varied(first.right, right_slope):
+        return kinks, pieces
     # a slope goes on beyond its end
-    fixed = not _varied(first.right, right)
-    if fixed and len(pieces) > 1 and last.left == last.right and pieces[-2].q == right:
+    if len(pieces) > 1 and last_corner.left == last_corner.right and pieces[-2].q == right_slope:
         del pieces[-1], kinks[-1]
-    if fixed and outer and len(pieces) > 1 and first.left == first.right and pieces[1].q == left:
+    if left_slope is None:
+        return kinks, pieces
+    if len(pieces) > 1 and first.left == first.right and pieces[1].q == left_slope:
         del pieces[0], kinks[0]
     return kinks, pieces
 
 
 def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
-    """The vertices without those that lie on the straight line between the corners beside them, to
-    ROUNDING.
+    """Return the vertices without those on the straight line between their corners, to ROUNDING.
 
     From every corner the slopes that pass all later vertices closely enough form an interval that
-    shrinks; the next corner is the last vertex that is seen within it. The line drawn is the one
+    shrinks. The next corner is the last vertex whose slope is in it. The line drawn is the one
     through both corners, so that what is left out costs no other vertex anything.
     """
-    corners, at = [vertices[0]], 0
-    if _varied(vertices[0].right):  # of one that moves alone nothing is straight
+    if _varied(vertices[0].right):  # nothing is straight beside a vertex that moves alone
         return vertices
-    while at + 1 < len(vertices):
-        begin, low, high, end = vertices[at], -math.inf, math.inf, at + 1
-        for i in range(at + 1, len(vertices)):
+    corners = [vertices[0]]
+    start = 0
+    while start + 1 < len(vertices):
+        corner = vertices[start]
+        low = -math.inf
+        high = math.inf
+        end = start + 1
+        for i in range(start + 1, len(vertices)):
             vertex = vertices[i]
-            apart, rise = vertex.s - begin.s, vertex.left - begin.right
-            if low <= rise / apart <= high:
+            distance = vertex.s - corner.s
+            rise = vertex.left - corner.right
+            if low <= rise / distance <= high:
                 end = i
-            slack = ROUNDING * max(abs(vertex.left), abs(begin.right))
-            low, high = max(low, (rise - slack) / apart), min(high, (rise + slack) / apart)
+            slack = ROUNDING * max(abs(vertex.left), abs(corner.right))
+            low = max(low, (rise - slack) / distance)
+            high = min(high, (rise + slack) / distance)
             if low > high or vertex.left != vertex.right:
                 break
-        at = end
-        corners.append(vertices[at])
+        start = end
+        corners.append(vertices[start])
     return corners
 
 
-def _line(a: _Vertex, b: _Vertex) -> _Piece:
-    """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images
-    stay mirror images."""
-    slope = (b.left - a.right) / (b.s - a.s)
-    if a.s == -b.s and a.right == -b.left and not _varied(a.right):
+def _line(start: _Vertex, end: _Vertex) -> _Piece:
+    """Return the line between two vertices, anchored at the one nearer to s = 0.
+
+    So mirror images stay mirror images.
+    """
+    slope = (end.left - start.right) / (end.s - start.s)
+    if start.s == -end.s and start.right == -end.left and not _varied(start.right):
         return _Piece(0.0, 0.0, slope)
-    return _Piece(a.s, a.right, slope) if abs(a.s) <= abs(b.s) else _Piece(b.s, b.left, slope)
+    if abs(start.s) <= abs(end.s):
+        return _Piece(start.s, start.right, slope)
+    return _Piece(end.s, end.left, slope)
 
 
 @_shape(LawParameter("k", "stiffness", STIFFNESS, bound="not negative"))
