@@ -31,7 +31,8 @@ from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.study import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch, Direction
+from tcstudy.scene.path_plan import Direction
+from tcstudy.scene.solver_plan import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch
 
 __all__ = ["ContactProblem", "all_solutions", "certify", "follow", "law", "solve"]
 

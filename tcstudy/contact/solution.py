@@ -45,7 +45,7 @@ from tcstudy.contact.extended import extended_residual, friction_defect, two_sum
 from tcstudy.contact.newton import factor_free, with_diagonal
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.pieces import UP
-from tcstudy.scene.study import TOLERANCE
+from tcstudy.scene.solver_plan import TOLERANCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

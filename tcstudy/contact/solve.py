@@ -36,7 +36,7 @@ from tcstudy.contact.problem import CondensedBody, ContactProblem, Outcome, Stat
 from tcstudy.contact.search import envelope_starts, move_starts
 from tcstudy.contact.solution import Acceptance, judge, polished
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.study import (
+from tcstudy.scene.solver_plan import (
     ESCAPE,
     EXACT,
     FRICTIONLESS,

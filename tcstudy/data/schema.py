@@ -33,9 +33,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tcstudy.scene.fit_plan import Sensitivity
+from tcstudy.scene.mesh_plan import Goal
 from tcstudy.scene.points import law_regions
 from tcstudy.scene.records import Clamped, Contact, Free
-from tcstudy.scene.study import START_NAMES, Goal, Sensitivity, Study
+from tcstudy.scene.solver_plan import START_NAMES
+from tcstudy.scene.study import Study
 
 UNPROVED_BRANCHES, OPEN_LOOP = (
     "the branches are not proved to be all",

@@ -64,6 +64,7 @@ from tcstudy.expressions.expression import (
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
+from tcstudy.scene.mesh_plan import Goal
 from tcstudy.scene.records import (
     Body,
     Clamped,
@@ -78,7 +79,7 @@ from tcstudy.scene.records import (
     Scalar,
     Scene,
 )
-from tcstudy.scene.study import Exact, Goal
+from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import (
     INWARD,
     TriangleGeometry,

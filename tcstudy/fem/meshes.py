@@ -45,8 +45,9 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import Geometry, build
+from tcstudy.scene.mesh_plan import GRADED, MeshPlan
 from tcstudy.scene.records import Clamped, Contact, Point, Role, Scene, Where
-from tcstudy.scene.study import GRADED, MeshPlan, Study
+from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import GAUSS, INNER, TriangleGeometry, doubled_areas
 
 Array = NDArray[np.float64]

@@ -32,9 +32,9 @@ from tcstudy.fem.forms import Moduli, Springs
 from tcstudy.laws.composed import agreed, derivative, law_slopes, number_of, stepped
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level, loaded_by
+from tcstudy.scene.fit_plan import Sensitivity
 from tcstudy.scene.parameters import FACTORED, path_scene
 from tcstudy.scene.records import Scene, exchanges
-from tcstudy.scene.study import Sensitivity
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -25,6 +25,7 @@ from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.step import KERNEL_UNIT, same_unit, stated_units, unit_name
 from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.keys import rows
+from tcstudy.scene.mesh_plan import Goal, MeshPlan
 from tcstudy.scene.records import (
     BODY,
     Body,
@@ -43,7 +44,6 @@ from tcstudy.scene.records import (
     Scene,
     Symmetry,
 )
-from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 from tcstudy.shapes import edges as shapes
 from tcstudy.shapes import faults as body_faults

@@ -33,22 +33,22 @@ from tcstudy.read.loads import (
 )
 from tcstudy.read.points import table_lines, table_value
 from tcstudy.read.scenes import SceneReader
-from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
-from tcstudy.scene.keys import Key
-from tcstudy.scene.parameters import Number, affine_numbers
-from tcstudy.scene.points import GEOMETRIC
-from tcstudy.scene.records import Scene
-from tcstudy.scene.study import (
+from tcstudy.scene.fit_plan import (
     PLACE,
     RESULTS,
     STEP,
     FitColumn,
     FitParameter,
     FitPlan,
-    MeshPlan,
     Sensitivity,
-    Study,
 )
+from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
+from tcstudy.scene.keys import Key
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.parameters import Number, affine_numbers
+from tcstudy.scene.points import GEOMETRIC
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
 from tcstudy.scene.units import LENGTH, NONE
 
 Cells = list[tuple[Node, ...]]

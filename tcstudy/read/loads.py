@@ -22,8 +22,10 @@ from tcstudy.read.body import corner_faults, supports_fault
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
+from tcstudy.scene.fit_plan import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import row, rows
+from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.parameters import (
     FACTORED,
     SHORT,
@@ -35,19 +37,11 @@ from tcstudy.scene.parameters import (
     path_scene,
     swept_row,
 )
+from tcstudy.scene.path_plan import PathPlan
 from tcstudy.scene.points import GEOMETRIC, distinct
 from tcstudy.scene.records import Contact, Rigid, Scene
-from tcstudy.scene.study import (
-    SEPARABLE,
-    STEP,
-    Exact,
-    FitPlan,
-    MeshPlan,
-    OutputPlan,
-    PathPlan,
-    Sensitivity,
-    SolverPlan,
-)
+from tcstudy.scene.solver_plan import SEPARABLE, SolverPlan
+from tcstudy.scene.study import Exact, OutputPlan
 
 NOT_AFFINE = "the load of this study is not affine in it"
 NO_DERIVATIVE, NOT_ALONE = (

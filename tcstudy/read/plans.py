@@ -15,22 +15,10 @@ from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.keys import rows
+from tcstudy.scene.mesh_plan import FAMILIES, PROVED, FamilyName, Goal, MeshPlan, Quantity
 from tcstudy.scene.records import Contact
-from tcstudy.scene.study import (
-    ALL,
-    BUNDLE,
-    FAMILIES,
-    PROVED,
-    SEPARABLE,
-    FamilyName,
-    Goal,
-    MeshPlan,
-    OutputPlan,
-    Probe,
-    Quantity,
-    SolverPlan,
-    shell_name,
-)
+from tcstudy.scene.solver_plan import ALL, BUNDLE, SEPARABLE, SolverPlan
+from tcstudy.scene.study import OutputPlan, Probe, shell_name
 from tcstudy.scene.units import LENGTH, LINE_FORCE
 from tcstudy.shapes.edges import body_polygon, body_size, edge_distance
 

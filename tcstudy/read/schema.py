@@ -16,8 +16,8 @@ from typing import Any, get_args
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
+from tcstudy.scene.mesh_plan import PROVED, Quantity
 from tcstudy.scene.parameters import NUMBERS, SHORT, path_of, swept_row
-from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
 
 Schema = dict[str, Any]

@@ -23,8 +23,9 @@ from tcstudy.fem.meshes import Meshes, PlaneMesh, refine
 from tcstudy.offline.level import Level
 from tcstudy.refine.goal_error import Halved, goal_error
 from tcstudy.refine.goals import Hidden, goal_value, hidden_on, hidden_shares
+from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Exact, MeshPlan, Study
+from tcstudy.scene.study import Exact, Study
 
 Array = NDArray[np.float64]
 Index = tuple[int, ...]

@@ -82,9 +82,9 @@ from tcstudy.refine.goals import (
     torn,
     weight_of_friction,
 )
+from tcstudy.scene.mesh_plan import Goal
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Goal
 
 Array = NDArray[np.float64]
 

@@ -56,8 +56,8 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.pieces import UP
+from tcstudy.scene.mesh_plan import Goal
 from tcstudy.scene.records import Point
-from tcstudy.scene.study import Goal
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

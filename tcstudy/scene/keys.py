@@ -22,22 +22,11 @@ from typing import Any, get_args
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene import units as u
 from tcstudy.scene.designs import DESIGNS, ENDS, PARAMETERS
+from tcstudy.scene.fit_plan import COMPARE, LOSSES, SCALES
 from tcstudy.scene.histories import HISTORY_BRANCHES, MEMORIES, MOST_STEPS
-from tcstudy.scene.study import (
-    ALL,
-    BRANCHES,
-    COMPARE,
-    FAMILIES,
-    LOSSES,
-    MOST_REFINE,
-    SCALES,
-    SOLVERS,
-    Direction,
-    MeshPlan,
-    PathPlan,
-    SolverPlan,
-    Start,
-)
+from tcstudy.scene.mesh_plan import FAMILIES, MOST_REFINE, MeshPlan
+from tcstudy.scene.path_plan import Direction, PathPlan, Start
+from tcstudy.scene.solver_plan import ALL, BRANCHES, SOLVERS, SolverPlan
 from tcstudy.scene.units import NONE, Dimension
 
 Kind = str

@@ -30,7 +30,9 @@ from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
 from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.scene.study import FAMILIES, SOLVERS, FamilyName, Goal, MeshPlan, Study
+from tcstudy.scene.mesh_plan import FAMILIES, FamilyName, Goal, MeshPlan
+from tcstudy.scene.solver_plan import SOLVERS
+from tcstudy.scene.study import Study
 from tcstudy.study.level_solver import solve_point
 from tcstudy.study.reference import (
     Errors,

@@ -50,7 +50,8 @@ from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level
 from tcstudy.read.scenes import SceneReader
-from tcstudy.scene.study import FitColumn, FitPlan, Study
+from tcstudy.scene.fit_plan import FitColumn, FitPlan
+from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
 from tcstudy.study.run import level_of
 

@@ -41,10 +41,12 @@ from tcstudy.laws.composed import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.read.scenes import SceneReader
+from tcstudy.scene.fit_plan import FitPlan, Sensitivity
 from tcstudy.scene.histories import Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.path_plan import Direction
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Branch, Direction, FitPlan, Sensitivity
+from tcstudy.scene.solver_plan import Branch
 from tcstudy.study.history_run import followed as followed_steps
 from tcstudy.study.path_run import affine_load, followed, straightened
 from tcstudy.study.sensitivities import rates_of

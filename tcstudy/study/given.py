@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import NEGATIVE, Expression, Scalar, Term
 from tcstudy.expressions.expression import NUMBER as NUMBER_TERM
 from tcstudy.fem.geometry import Geometry
+from tcstudy.scene.fit_plan import FitPlan
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.parameters import Keys, affine_numbers, loaded_scene, path_scene
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Contact, Scene
-from tcstudy.scene.study import FitPlan, Study
+from tcstudy.scene.study import Study
 from tcstudy.scene.units import TEMPERATURE, Dimension
 from tcstudy.shapes.edges import body_area, body_size, boundary_lengths, edge_points
 

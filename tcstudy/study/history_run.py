@@ -50,10 +50,11 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
 from tcstudy.read.scenes import SceneReader
+from tcstudy.scene.fit_plan import Sensitivity
 from tcstudy.scene.histories import AT_REST, HistoryPlan, Keys, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Sensitivity, Study
+from tcstudy.scene.study import Study
 from tcstudy.study.append import DECIDE_NOTHING, differences, stored_study
 from tcstudy.study.level_solver import STATUS
 from tcstudy.study.lint import warnings

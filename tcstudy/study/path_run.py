@@ -47,8 +47,10 @@ from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.path_plan import Direction, PathPlan
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Branch, Direction, PathPlan, Study
+from tcstudy.scene.solver_plan import Branch
+from tcstudy.scene.study import Study
 from tcstudy.study.run import stages, to_file
 
 Array = NDArray[np.float64]

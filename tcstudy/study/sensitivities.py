@@ -20,8 +20,8 @@ from tcstudy.data.schema import (
 )
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_slopes
+from tcstudy.scene.fit_plan import Sensitivity
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Sensitivity
 
 Array = NDArray[np.float64]
 

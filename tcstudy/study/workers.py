@@ -33,9 +33,10 @@ from tcstudy.executors.processes import (
     SerialExecutor,
     available,
 )
+from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Clamped, Contact
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 
 POINT, NODE = 0.08e-3, 2.6e-6

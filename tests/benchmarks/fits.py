@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import FitPlan
+from tcstudy.scene.fit_plan import FitPlan
 from tcstudy.study.fit import Tests, box_of
 from tests.benchmarks.cases import options
 from tests.study.test_fit import DELTA, TAU, D, pulled

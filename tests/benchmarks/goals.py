@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tcstudy.scene.study import FamilyName, Goal, Study
+from tcstudy.scene.mesh_plan import FamilyName, Goal
+from tcstudy.scene.study import Study
 from tests.verification import goal_scenes as scenes
 from tests.verification import manufactured
 from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH

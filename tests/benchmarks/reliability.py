@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tcstudy.contact.solve import ACCURACY, nearest_minimum, solve_contact
-from tcstudy.scene.study import ESCAPE
+from tcstudy.scene.solver_plan import ESCAPE
 from tests.contact.contact_cases import independent_residual, random_problem, rescaled
 from tests.contact.exhaustive import compare, hit_rates, least_energy, search, small_problem
 

@@ -20,7 +20,8 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.scene.study import Goal, Study
+from tcstudy.scene.mesh_plan import Goal
+from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 Draw = np.random.Generator

@@ -19,8 +19,9 @@ from tcstudy.fem.meshes import PlaneMesh, refine
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import fronts, goal_value, slip_length
+from tcstudy.scene.mesh_plan import Goal, MeshPlan
 from tcstudy.scene.records import Point
-from tcstudy.scene.study import Goal, MeshPlan, Study
+from tcstudy.scene.study import Study
 from tests.benchmarks.cases import options
 from tests.benchmarks.tolerance_scenes import draw_scene
 

@@ -13,7 +13,7 @@ from tcstudy.contact.certificates import Certificate, certify
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.study import ESCAPE
+from tcstudy.scene.solver_plan import ESCAPE
 from tests.benchmarks.cases import down_jumps, up_jumps
 from tests.contact import contact_cases as cases
 from tests.contact.random_polygons import by_brute_force

@@ -6,7 +6,7 @@ import pytest
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.solution import MAX_ROUNDING, Acceptance
 from tcstudy.laws.shapes import tresca
-from tcstudy.scene.study import TOLERANCE
+from tcstudy.scene.solver_plan import TOLERANCE
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from tcstudy.contact.search import moreau_envelopes
 from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN
-from tcstudy.scene.study import ESCAPE, Branch
+from tcstudy.scene.solver_plan import ESCAPE, Branch
 from tests.benchmarks.cases import down_jumps
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive

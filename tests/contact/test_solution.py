@@ -13,7 +13,7 @@ from tcstudy.contact.solve import nearest_minimum, solve_contact
 from tcstudy.laws.composed import law_slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES, tresca
-from tcstudy.scene.study import TOLERANCE
+from tcstudy.scene.solver_plan import TOLERANCE
 from tests.contact import contact_cases as cases
 from tests.contact.contact_cases import ill_conditioned
 

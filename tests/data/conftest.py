@@ -11,7 +11,9 @@ import pytest
 from tcstudy.data import schema
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.solver_plan import SolverPlan
+from tcstudy.scene.study import Axis, OutputPlan, Study
 from tests.data.by_points import write
 
 NODES = (3, 6)

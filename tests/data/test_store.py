@@ -19,7 +19,9 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.data.tables import axis_names
 from tcstudy.data.variables import sweep_points, tile_shape, tiles
 from tcstudy.reports.select_point import describe, locate
-from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.solver_plan import START_NAMES
+from tcstudy.scene.study import Axis, Study
 from tests.data.by_points import write
 from tests.data.conftest import ALPHA, FRICTION, make_block, make_level, make_study
 from tests.verification.scenes import RECTANGLE, study_of

@@ -4,9 +4,10 @@ scene."""
 import pytest
 
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.mesh_plan import Goal, MeshPlan
 from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.path_plan import PathPlan
 from tcstudy.scene.records import Traction
-from tcstudy.scene.study import Goal, MeshPlan, PathPlan
 
 BASE = """
 body: {rectangle: {width: 2, height: 1}}

@@ -8,6 +8,7 @@ import pytest
 from tcstudy.errors import StudyError
 from tcstudy.expressions.expression import parse
 from tcstudy.read.study import read_study, read_study_text
+from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import (
     Clamped,
@@ -21,7 +22,8 @@ from tcstudy.scene.records import (
     Symmetry,
     Traction,
 )
-from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.solver_plan import SolverPlan
+from tcstudy.scene.study import Exact, OutputPlan, Study
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 

@@ -9,7 +9,7 @@ from tcstudy.fem.forms import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.refine.goals import fronts, hidden_effects, slip_length, slopes
-from tcstudy.scene.study import Goal, Quantity
+from tcstudy.scene.mesh_plan import Goal, Quantity
 
 TRESCA = SHAPES["tresca"].build(tau=1.0)
 

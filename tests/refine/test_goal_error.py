@@ -16,8 +16,8 @@ from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.refine.goal_error import SMOOTH, Halved, contributions, regions
 from tcstudy.refine.goals import dual, goal_value, steps, torn
+from tcstudy.scene.mesh_plan import Goal, MeshPlan
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.study.run import run
 from tests.verification.closed_forms import stick_slip
 from tests.verification.goal_scenes import RESULTANT, front_resultant, front_study

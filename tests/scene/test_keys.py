@@ -5,8 +5,9 @@ from dataclasses import fields
 from tcstudy.read.loads import OF_PATH
 from tcstudy.read.plans import OF_MESH
 from tcstudy.scene.keys import ROLES, ROWS, rows
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.path_plan import PathPlan
 from tcstudy.scene.records import Role
-from tcstudy.scene.study import MeshPlan, PathPlan
 
 
 def test_every_key_is_once_in_its_section_and_every_role_has_its_record() -> None:

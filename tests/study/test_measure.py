@@ -19,7 +19,8 @@ from tcstudy.data.records import Record
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import CostError
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.study import Study
 from tcstudy.study import cost as cost_module
 from tcstudy.study import level_solver as point_module
 from tcstudy.study.convergence import converge

@@ -16,7 +16,8 @@ from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.study import Study
 from tcstudy.study import plan as plan_module
 from tcstudy.study import workers as workers_module
 from tcstudy.study.plan import plan, resources

@@ -26,8 +26,9 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import goal_value
+from tcstudy.scene.mesh_plan import FamilyName, Goal, MeshPlan
 from tcstudy.scene.records import Point
-from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
+from tcstudy.scene.study import Study
 from tcstudy.study.run import run
 from tests.data.by_points import one_by_one
 from tests.verification import closed_forms

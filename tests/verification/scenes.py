@@ -9,7 +9,8 @@ from tcstudy.fem.geometry import Geometry, build
 from tcstudy.fem.meshes import PlaneMesh, mesh_at
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.study import Study
 from tcstudy.study.run import stages
 
 RECTANGLE = """

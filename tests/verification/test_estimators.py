@@ -23,7 +23,8 @@ from tcstudy.fem.energy_error import coupling, heat_estimate, own_strain
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import ErrorEstimator, Family
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.study import Study
 from tcstudy.study.reference import FineReference, solve_levels
 from tests.verification import manufactured as exact
 from tests.verification.patch import CASES, patch_study

@@ -19,7 +19,8 @@ import pytest
 from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import ErrorEstimator, Family
-from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
+from tcstudy.scene.mesh_plan import FamilyName, Goal, MeshPlan
+from tcstudy.scene.study import Study
 from tests.benchmarks.tolerance_scenes import draw_scene
 from tests.benchmarks.tolerances import judged
 from tests.verification import goal_scenes as scenes

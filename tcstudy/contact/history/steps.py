@@ -52,7 +52,7 @@ from tcstudy.contact.solution import Acceptance
 from tcstudy.contact.solve import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import Memory
-from tcstudy.scene.study import Branch
+from tcstudy.scene.solver_plan import Branch
 
 Array = NDArray[np.float64]
 

@@ -32,7 +32,7 @@ from tcstudy.contact.path.basis_inverse import SingularCellError
 from tcstudy.contact.path.problem import Codes, ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.walk import Ray, Walk, cross, locate, onward, outward, rays
 from tcstudy.contact.solution import Acceptance
-from tcstudy.scene.study import Direction
+from tcstudy.scene.path_plan import Direction
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
 

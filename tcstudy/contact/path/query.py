@@ -43,7 +43,7 @@ from tcstudy.contact.path.smooth import SmoothPath
 from tcstudy.contact.solution import Acceptance, polished
 from tcstudy.contact.solve import known_solutions
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.study import Direction
+from tcstudy.scene.path_plan import Direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -17,7 +17,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel, Scale, Sheet, scale
 from tcstudy.reports.select_point import Value, axis_symbols, describe, locate
 from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, front, settings, shown
-from tcstudy.scene.study import FAMILIES
+from tcstudy.scene.mesh_plan import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

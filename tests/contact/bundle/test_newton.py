@@ -12,7 +12,7 @@ from tcstudy.contact.problem import ContactProblem, Outcome, Status
 from tcstudy.contact.simplex_qp import direction, dual_decrease, positive_definite
 from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
-from tcstudy.scene.study import EXACT
+from tcstudy.scene.solver_plan import EXACT
 from tests.contact import contact_cases as cases
 
 from . import tr798

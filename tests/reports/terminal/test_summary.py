@@ -8,7 +8,9 @@ import numpy as np
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports.terminal.summary import text_of
-from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.mesh_plan import MeshPlan
+from tcstudy.scene.solver_plan import SolverPlan
+from tcstudy.scene.study import Axis, OutputPlan, Study
 from tests.data.by_points import PointRecord, write
 
 ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
