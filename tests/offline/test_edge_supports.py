@@ -15,8 +15,8 @@ from tcstudy.offline.requested_outputs import RequestedOutputs
 from tcstudy.read.study import read_study
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.reports.picture import is_loaded
+from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.parameters import path_scene
-from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Direction, Role, Scene, Traction, TractionTerm
 from tcstudy.study.lint import loaded
 from tcstudy.study.path_run import affine_load
