@@ -50,7 +50,13 @@ def test_every_study_is_in_the_index() -> None:
     assert {*told} == {path.name for path in CONFIGS.glob("*.yaml")}
 
 
-GUIDES = ("README.md", "configs/README.md", "results/README.md", "tcstudy/README.md")
+GUIDES = (
+    "README.md",
+    "configs/README.md",
+    "configs/reference.md",
+    "results/README.md",
+    "tcstudy/README.md",
+)
 
 
 def anchors(text: str) -> set[str]:

@@ -2,9 +2,9 @@
 key is derived.
 
 One row makes a key known: to the reader of its section, which then also suggests it for a misspelt
-one and reads it in its dimension and bounds (`read.fields`); to `--set`; to the table in
-configs/README.md and to the JSON Schema (`read.schema`). With `swept=True` a sweep may vary it, by
-its path and by its last word, and data carry its units; with `affine=True` a path may run along it
+one and reads it in its dimension and bounds (`read.fields`); to `--set`; to
+configs/reference.md and to the JSON Schema (`read.schema`). With `swept=True` a sweep may vary it,
+by its path and by its last word, and data carry its units; with `affine=True` a path may run along it
 (`scene.parameters`). What a row cannot say is where the key acts: the record of its section gets a
 field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
 (`laws.shapes.SHAPES`).

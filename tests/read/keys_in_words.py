@@ -1,49 +1,143 @@
-"""The table of keys in words, which configs/README.md has: `python -m tests.read.keys_in_words`
-prints it."""
+"""Write the reference of the study file, configs/reference.md, from the table of keys.
 
-from collections.abc import Iterator
+`python -m tests.read.keys_in_words` prints it.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
 
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
 from tcstudy.scene.units import NONE
 
-HEAD = "| section | what it says |\n|---|---|\n"
+HEAD = """# Reference of the study file
+
+One row per key, one table per section. `tests/read/keys_in_words.py` makes this page from
+[`tcstudy/scene/keys.py`](../tcstudy/scene/keys.py).
+
+- **value**: the kind of value with its SI unit. Any other unit of the same dimension may be written.
+  An expression in x and y stands in quotes.
+- **varies**: `sweep` if a sweep may vary the key, `path` if a path may run along it as well.
+- **edges**: the boundary condition types that take the key. Without an entry all take it.
+- `NAME` and `EDGE` are names of your choice. `[]` is an entry of a list.
+
+[The guide](README.md#the-study-file) shows the sections at work. Its table of [friction laws](README.md#friction-laws)
+has the parameters of every law.
+"""
+BESIDE = "\n## Beside the sections\n\n"
 PLACE = {"sections": "[]", "named sections": ".NAME"}
-"""What stands in a path for one of several."""
-MODEST = {"name", "names", "section", "sections", "named sections", "flag"}
-"""Kinds whose defaults go without saying."""
+"""Endings of the paths of keys that hold several sections."""
+VALUES = {
+    "choice": "",
+    "one or more": "",
+    "choice by edge": "",
+    "named numbers": "number by name",
+    "named sections": "section by name",
+    "fitted numbers": "section by name",
+    "sections": "list of sections",
+    "material": "section",
+    "law": "section",
+    "point": "point [x, y]",
+    "points": "list of points",
+    "named points": "point by name",
+    "named places": "point by name",
+    "integer": "whole number",
+    "displacement": "two numbers, expressions or `free`",
+    "component": "number, expression or `free`",
+    "vector": "two numbers or expressions",
+    "field": "number or expression",
+    "names": "name of a region, or a list",
+    "sizes": "number, or a list",
+    "goal": "name of a result, or `u_T` with a point",
+    "quantity": "number",
+    "quantities": "list of numbers",
+    "named quantities": "number by name",
+    "span": "two numbers",
+    "flag": "true or false",
+    "sweep points": "list, table or number",
+    "named texts": "text by name",
+    "words": "list of names",
+}
+"""Words for the kinds of value; a kind that is not named here is its own word."""
 
 
 def markdown() -> str:
-    """The table, a line for each section and each kind of mapping in it."""
-    plain = "; ".join(_said(one) for one in rows("").values() if not one.of)
-    return HEAD + f"| (beside these) | {plain} |\n" + "".join(_lines("", set()))
+    """Return the whole page."""
+    plain = [key for key in rows("").values() if not key.of]
+    return HEAD + BESIDE + "".join([*_table(plain), *_sections("", set())])
 
 
-def _lines(path: str, seen: set[str], section: str = "") -> Iterator[str]:
-    """Lines of the sections under one, each section once."""
-    for one in rows(section).values():
-        here = f"{path}.{one.name}" if path else one.name
-        for name in one.of:
-            if name in seen or name == "point":
+def _sections(path: str, written: set[str], section: str = "") -> Iterator[str]:
+    """Yield the lines of the sections below a path, each section once."""
+    for key in rows(section).values():
+        here = f"{path}.{key.name}" if path else key.name
+        for name in key.of:
+            if name in written or name == "point":
                 continue
-            seen.add(name)
-            held = "; ".join(_said(child) for child in rows(name).values())
-            if one.kind == "law":
-                held = "; ".join(["`law`", *(_said(row(name, key)) for key in OF_ALL_LAWS)])
-            said = one.meaning if not section else ""
-            place = "boundary.EDGE" if name == "boundary" else here + PLACE.get(one.kind, "")
-            yield f"| `{place}` | {'. '.join(part for part in (said, held) if part)} |\n"
-            yield from _lines(place, seen, name)
+            written.add(name)
+            place = "boundary.EDGE" if name == "boundary" else here + PLACE.get(key.kind, "")
+            yield f"\n## `{place}`\n\n"
+            if not section and key.meaning:
+                yield f"{_sentence(_meaning(key))}\n\n"
+            yield from _table(_held(key, name))
+            yield from _sections(place, written, name)
 
 
-def _said(one: Key) -> str:
-    """A key, what it means, its unit, words and default."""
-    unit = f"[{one.dimension.si}]" if one.dimension != NONE and one.kind != "point" else ""
-    words = " or ".join(f"`{word}`" for word in one.words)
-    number = f"{one.default:g}" if isinstance(one.default, float) else one.default
-    default = f"default {number}" if one.default is not None and one.kind not in MODEST else ""
-    more = f"({', '.join(part for part in (words, default) if part)})" if words or default else ""
-    return " ".join(part for part in (f"`{one.name}`", one.meaning, unit, more) if part)
+def _held(key: Key, name: str) -> list[Key]:
+    """Return the keys of a section; of a friction law those that all laws have."""
+    if key.kind != "law":
+        return list(rows(name).values())
+    return [row(name, "law"), *(row(name, shared) for shared in OF_ALL_LAWS)]
+
+
+def _table(keys: Iterable[Key]) -> Iterator[str]:
+    """Yield the lines of a table with one row per key; columns without an entry are left out."""
+    cells = [_cells(key) for key in keys]
+    titles = [
+        title
+        for title in ("key", "meaning", "value", "default", "varies", "edges")
+        if any(row_cells[title] for row_cells in cells)
+    ]
+    yield _line(titles)
+    yield "|---" * len(titles) + "|\n"
+    for row_cells in cells:
+        yield _line([row_cells[title] for title in titles])
+
+
+def _line(cells: list[str]) -> str:
+    """Return one line of a table."""
+    return f"| {' | '.join(cells)} |\n"
+
+
+def _cells(key: Key) -> dict[str, str]:
+    """Return the cells of a key by their titles."""
+    default = f"{key.default:g}" if isinstance(key.default, float) else str(key.default)
+    varies = ("sweep",) * key.swept + ("path",) * key.affine
+    return {
+        "key": f"`{key.name}`",
+        "meaning": _meaning(key),
+        "value": _value(key),
+        "default": "" if key.default is None or key.kind == "flag" else f"`{default}`",
+        "varies": ", ".join(varies),
+        "edges": ", ".join(key.roles),
+    }
+
+
+def _meaning(key: Key) -> str:
+    """Return the meaning of a key, with links that lead from this page to the guide."""
+    return key.meaning.replace("](#", "](README.md#")
+
+
+def _sentence(meaning: str) -> str:
+    """Return a meaning with a capital letter and a full stop."""
+    return re.sub(r"^\[?[a-z]", lambda first: first[0].upper(), meaning) + "."
+
+
+def _value(key: Key) -> str:
+    """Return the words of a choice, or the kind of value with its unit."""
+    words = ", ".join(f"`{word}`" for word in key.words)
+    kind = VALUES.get(key.kind, key.kind)
+    unit = f"[{key.dimension.si}]" if key.dimension != NONE and key.kind != "point" else ""
+    return " ".join(part for part in (kind if not words else "", words, unit) if part)
 
 
 if __name__ == "__main__":
