@@ -1,5 +1,6 @@
-"""Plane shapes: loops of lines and circular arcs, their exact measures, distances and normals;
-polygons close to them, and points inside a body at which expressions are looked at.
+"""Plane shapes: loops of lines and circular arcs, their exact measures, distances and normals.
+
+Also polygons close to them, and points inside a body at which expressions are looked at.
 
 Triangles of a mesh: areas, gradients of P1 functions, barycentric coordinates; each once for a
 mesh.
@@ -29,18 +30,26 @@ MAX_SEGMENTS = 20_000
 """Most straight pieces of one arc in the checks."""
 
 GRID = 40
+"""Lines of the grid in each direction."""
 SHIFT = 0.38
-"""Where the points lie between lines of the grid: not in the middle, where symmetric functions
-vanish or bend."""
+"""Position of the points between lines of the grid.
+
+They are not in the middle, where symmetric functions vanish or bend.
+"""
 
 INWARD = 1e-10
-"""Share of the body's size, or of a grid's width, by which points lie off edges and kinks where
-slopes are taken: there abs(y) or atan2 may round to the other side."""
+"""Distance of points from edges and kinks where slopes are taken, relative to the body or grid.
+
+On the edge itself abs(y) or atan2 may round to the other side.
+"""
 
 
 @dataclass(frozen=True)
 class Arc:
-    """A circular arc; start: the angle where it begins;  sweep: positive counter-clockwise"""
+    """A circular arc.
+
+    start: angle where it begins;  sweep: positive counter-clockwise
+    """
 
     center: Point
     radius: float
@@ -50,8 +59,10 @@ class Arc:
 
 @dataclass(frozen=True)
 class Side:
-    """What leaves a corner: name of an edge and tag of its piece, no name of an interface; its unit
-    tangent there."""
+    """A piece of the boundary, or an interface, that starts at a corner.
+
+    name: of the edge, "" for an interface;  away: unit tangent at the corner;  tag: of the piece
+    """
 
     name: str
     away: Point
@@ -60,10 +71,12 @@ class Side:
 
 @dataclass(frozen=True)
 class Junction:
-    """Where pieces of the boundary, or interfaces of regions, end.
+    """A point where pieces of the boundary, or interfaces of regions, end.
 
-    sides:  what leaves it, counter-clockwise, the body counter-clockwise of the first and clockwise of the last
-    wedges: opening angle [rad] and region between each side and the next one; within the body also behind the last
+    sides:  the pieces that start there, counter-clockwise; the body lies counter-clockwise of the
+            first and clockwise of the last
+    wedges: opening angle [rad] and region between each side and the next one; within the body also
+            behind the last
     """
 
     at: Point
@@ -77,16 +90,18 @@ class Junction:
 
     @property
     def cut(self) -> bool:
-        """Whether it is a corner of interfaces alone, which may end at one piece of the
-        boundary."""
+        """Whether only interfaces meet there; they may end at one piece of the boundary."""
         return self.within or self.sides[0].tag == self.sides[-1].tag
 
 
 def circle_loop(center: Point, radius: float, name: str) -> Loop:
-    """A full circle of positive radius as two half circles of one name."""
+    """Return a full circle of positive radius as two half circles of one name."""
     x, y = center
-    right, top, left, bottom = (x + radius, y), (x, y + radius), (x - radius, y), (x, y - radius)
-    return Loop((Edge(right, left, name, through=top), Edge(left, right, name, through=bottom)))
+    rightmost, leftmost = (x + radius, y), (x - radius, y)
+    topmost, lowest = (x, y + radius), (x, y - radius)
+    upper_half = Edge(rightmost, leftmost, name, through=topmost)
+    lower_half = Edge(leftmost, rightmost, name, through=lowest)
+    return Loop((upper_half, lower_half))
 
 
 SIDES = ("bottom", "right", "top", "left")
@@ -95,101 +110,120 @@ SIDES = ("bottom", "right", "top", "left")
 def rectangle_loop(
     corner: Point, width: float, height: float, names: Sequence[str] = SIDES
 ) -> Loop:
-    """An upright rectangle from its lower left corner."""
-    (x, y), (x1, y1) = corner, (corner[0] + width, corner[1] + height)
-    return polygon_loop([(x, y), (x1, y), (x1, y1), (x, y1)], names)
+    """Return an upright rectangle from its lower left corner."""
+    x_0, y_0 = corner
+    x_1, y_1 = x_0 + width, y_0 + height
+    return polygon_loop([(x_0, y_0), (x_1, y_0), (x_1, y_1), (x_0, y_1)], names)
 
 
 def polygon_loop(points: Sequence[Point], names: str | Sequence[str]) -> Loop:
-    """A polygon; edge i leads from point i to the next. `names` is one for each edge, or one for
-    all."""
-    each = [names] * len(points) if isinstance(names, str) else list(names)
-    following = [*points[1:], *points[:1]]
-    return Loop(tuple(Edge(a, b, name) for a, b, name in zip(points, following, each, strict=True)))
+    """Return a polygon; edge i leads from point i to the next.
+
+    names: one for each edge, or one for all
+    """
+    edge_names = [names] * len(points) if isinstance(names, str) else names
+    next_points = [*points[1:], *points[:1]]
+    sides = zip(points, next_points, edge_names, strict=True)
+    return Loop(tuple(Edge(start, end, name) for start, end, name in sides))
 
 
 def edge_arc(edge: Edge) -> Arc | None:
-    """The arc of an edge, from start, through-point and end; None if the edge is straight.
+    """Return the arc of an edge, from start, through-point and end; None if the edge is straight.
 
     The sweep is 2·atan2(a × b, a · b) with the chords a = through − start, b = end − through
     (inscribed angle). Raises ValueError if the three points lie on a line.
     """
     if edge.through is None:
         return None
-    (ax, ay), (bx, by) = _minus(edge.through, edge.start), _minus(edge.end, edge.through)
+    ax, ay = _minus(edge.through, edge.start)
+    bx, by = _minus(edge.end, edge.through)
     cx, cy = ax + bx, ay + by
     cross = ax * by - ay * bx
     if cross == 0.0:
         raise ValueError("start, through and end of an arc lie on a line")
-    aa, cc = ax * ax + ay * ay, cx * cx + cy * cy
-    ux, uy = (cy * aa - ay * cc) / (2.0 * cross), (ax * cc - cx * aa) / (2.0 * cross)
+    aa = ax * ax + ay * ay
+    cc = cx * cx + cy * cy
+    to_center_x = (cy * aa - ay * cc) / (2.0 * cross)
+    to_center_y = (ax * cc - cx * aa) / (2.0 * cross)
+    center = (edge.start[0] + to_center_x, edge.start[1] + to_center_y)
     radius = math.hypot(ax, ay) * math.hypot(bx, by) * math.hypot(cx, cy) / (2.0 * abs(cross))
-    center = (edge.start[0] + ux, edge.start[1] + uy)
-    return Arc(center, radius, math.atan2(-uy, -ux), 2.0 * math.atan2(cross, ax * bx + ay * by))
+    start_angle = math.atan2(-to_center_y, -to_center_x)
+    sweep = 2.0 * math.atan2(cross, ax * bx + ay * by)
+    return Arc(center, radius, start_angle, sweep)
 
 
 def edge_length(edge: Edge) -> float:
     arc = edge_arc(edge)
-    return math.dist(edge.start, edge.end) if arc is None else arc.radius * abs(arc.sweep)
-
-
-def edge_at(edge: Edge, t: Array) -> Array:
-    """(n, 2) points at the shares t (n,) of the length of a line or an arc."""
-    arc, t = edge_arc(edge), t[:, None]
     if arc is None:
-        start, end = np.array(edge.start), np.array(edge.end)
-        return np.asarray(start + t * (end - start))
+        return math.dist(edge.start, edge.end)
+    return arc.radius * abs(arc.sweep)
+
+
+def edge_at(edge: Edge, shares: Array) -> Array:
+    """Return (n, 2) points at shares (n,) of the length of a line or an arc."""
+    arc = edge_arc(edge)
+    t = shares[:, None]
+    if arc is None:
+        start = np.array(edge.start)
+        return np.asarray(start + t * (np.array(edge.end) - start))
     angle = arc.start + t * arc.sweep
-    return np.asarray(np.array(arc.center) + arc.radius * np.hstack([np.cos(angle), np.sin(angle)]))
+    direction = np.hstack([np.cos(angle), np.sin(angle)])
+    return np.asarray(np.array(arc.center) + arc.radius * direction)
 
 
 def edge_points(edge: Edge, count: int) -> Array:
-    """(count+1, 2) points on the edge at equal distances, its two ends included exactly."""
+    """Return (count+1, 2) points on the edge at equal distances, both ends included exactly."""
     points = edge_at(edge, np.linspace(0.0, 1.0, count + 1))
-    points[0], points[-1] = edge.start, edge.end
+    points[0] = edge.start
+    points[-1] = edge.end
     return points
 
 
 def edge_normal(edge: Edge, points: ArrayLike) -> Array:
-    """(n, 2) unit normals at (n, 2) points on the edge, to its right: outward for a
-    counter-clockwise loop.
+    """Return (n, 2) unit normals at (n, 2) points on the edge, to its right.
 
-    Exact for lines and arcs. On a hole they point out of the hole, into the body.
+    They point outward for a counter-clockwise loop, and out of a hole into the body. They are exact
+    for lines and arcs.
     """
     points = np.asarray(points, dtype=float)
     arc = edge_arc(edge)
     if arc is None:
         dx, dy = _minus(edge.end, edge.start)
-        return np.broadcast_to(np.array([dy, -dx]) / math.hypot(dx, dy), points.shape).copy()
+        normal = np.array([dy, -dx]) / math.hypot(dx, dy)
+        return np.broadcast_to(normal, points.shape).copy()
     radial = (points - np.array(arc.center)) * math.copysign(1.0, arc.sweep)
     return np.asarray(radial / np.linalg.norm(radial, axis=1, keepdims=True))
 
 
 def edge_distance(edge: Edge, points: ArrayLike) -> Array:
-    """(n,) exact distances of (n, 2) points from the line or arc, its ends included."""
-    points, start, end = np.asarray(points, dtype=float), np.array(edge.start), np.array(edge.end)
+    """Return (n,) exact distances of (n, 2) points from the line or arc, its ends included."""
+    points = np.asarray(points, dtype=float)
+    start = np.array(edge.start)
+    end = np.array(edge.end)
     arc = edge_arc(edge)
     if arc is None:
         chord = end - start
         t = np.clip((points - start) @ chord / (chord @ chord), 0.0, 1.0)
         return np.asarray(np.linalg.norm(points - start - t[:, None] * chord, axis=1))
     radial = points - np.array(arc.center)
-    swept = (
-        math.copysign(1.0, arc.sweep)
-        * (np.arctan2(radial[:, 1], radial[:, 0]) - arc.start)
-        % (2.0 * math.pi)
-    )
-    ends = np.minimum(np.linalg.norm(points - start, axis=1), np.linalg.norm(points - end, axis=1))
-    off = np.abs(np.linalg.norm(radial, axis=1) - arc.radius)
-    return np.where(swept <= abs(arc.sweep), off, ends)
+    turn = np.arctan2(radial[:, 1], radial[:, 0]) - arc.start
+    swept_angle = math.copysign(1.0, arc.sweep) * turn % (2.0 * math.pi)
+    to_start = np.linalg.norm(points - start, axis=1)
+    to_end = np.linalg.norm(points - end, axis=1)
+    to_circle = np.abs(np.linalg.norm(radial, axis=1) - arc.radius)
+    return np.where(swept_angle <= abs(arc.sweep), to_circle, np.minimum(to_start, to_end))
 
 
 def loop_area(loop: Loop) -> float:
-    """Exact area, negative if the loop is clockwise: polygon of the vertices plus the segments
-    under the arcs."""
-    area, origin = 0.0, loop.edges[0].start
+    """Return the exact area, negative if the loop is clockwise.
+
+    It is that of the polygon of the vertices plus the segments under the arcs.
+    """
+    area = 0.0
+    origin = loop.edges[0].start
     for edge in loop.edges:
-        (ax, ay), (bx, by) = _minus(edge.start, origin), _minus(edge.end, origin)
+        ax, ay = _minus(edge.start, origin)
+        bx, by = _minus(edge.end, origin)
         area += 0.5 * (ax * by - ay * bx)
         arc = edge_arc(edge)
         if arc is not None:
@@ -198,23 +232,27 @@ def loop_area(loop: Loop) -> float:
 
 
 def body_area(body: Body) -> float:
-    return loop_area(_outline(body)) - sum(loop_area(hole) for hole in body.holes)
+    outline_area = loop_area(_outline(body))
+    return outline_area - sum(loop_area(hole) for hole in body.holes)
 
 
 def body_size(body: Body) -> float:
-    """Diagonal of the bounding box of the outline, arcs included exactly."""
+    """Return the diagonal of the bounding box of the outline, arcs included exactly."""
     return loop_size(_outline(body))
 
 
 def loop_size(loop: Loop) -> float:
+    """Return the diagonal of the bounding box, arcs included exactly."""
     points = [point for edge in loop.edges for point in (edge.start, *_extremes(edge))]
-    low, high = np.min(points, axis=0), np.max(points, axis=0)
-    return math.hypot(*(high - low))
+    extent = np.max(points, axis=0) - np.min(points, axis=0)
+    return math.hypot(*extent)
 
 
 def boundary_lengths(body: Body) -> dict[str, float]:
-    """Exact total length of the edges of each name, outline and holes, in the order of the
-    study."""
+    """Return the exact total length of the edges of each name, in the order of the study.
+
+    Edges of the outline and of holes count.
+    """
     lengths: dict[str, float] = {}
     for edge in body.edges:
         lengths[edge.name] = lengths.get(edge.name, 0.0) + edge_length(edge)
@@ -232,54 +270,65 @@ def _minus(a: Point, b: Point) -> Point:
 
 
 def _extremes(edge: Edge) -> list[Point]:
-    """The points of an arc with a level or upright tangent, where its bounding box may touch."""
+    """Return the points of an arc with a level or upright tangent.
+
+    There its bounding box may touch it.
+    """
     arc = edge_arc(edge)
     if arc is None:
         return []
-    first, last = sorted((arc.start, arc.start + arc.sweep))
-    quarters = range(math.ceil(first / (math.pi / 2)), math.floor(last / (math.pi / 2)) + 1)
-    unit = ((1, 0), (0, 1), (-1, 0), (0, -1))
-    (x, y), r = arc.center, arc.radius
-    return [(x + r * unit[i % 4][0], y + r * unit[i % 4][1]) for i in quarters]
+    x, y = arc.center
+    quarter = math.pi / 2
+    first_angle, last_angle = sorted((arc.start, arc.start + arc.sweep))
+    directions = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    points = []
+    for i in range(math.ceil(first_angle / quarter), math.floor(last_angle / quarter) + 1):
+        direction_x, direction_y = directions[i % 4]
+        points.append((x + arc.radius * direction_x, y + arc.radius * direction_y))
+    return points
 
 
 def edge_line(edge: Edge, size: float) -> BaseGeometry:
-    """The edge as a fine polygonal line: no farther than FLATNESS · size from an arc."""
+    """Return the edge as a polygonal line, at most FLATNESS · size from an arc."""
     arc = edge_arc(edge)
-    exact = (
-        math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size))) if arc else 0
-    )
-    count = min(8 + exact, MAX_SEGMENTS) if arc else 1
+    count = 1
+    if arc:
+        needed = math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size)))
+        count = min(8 + needed, MAX_SEGMENTS)
     return shapely.linestrings(edge_points(edge, count))
 
 
 def loop_polygon(loop: Loop, size: float) -> BaseGeometry:
-    """The loop as a polygon; arcs deviate by at most FLATNESS·size."""
-    lines = [shapely.get_coordinates(edge_line(edge, size))[:-1] for edge in loop.edges]
-    polygon = shapely.polygons(np.vstack(lines))
+    """Return the loop as a polygon; arcs deviate by at most FLATNESS·size."""
+    points = [shapely.get_coordinates(edge_line(edge, size))[:-1] for edge in loop.edges]
+    polygon = shapely.polygons(np.vstack(points))
     shapely.prepare(polygon)
     return polygon
 
 
 def body_polygon(body: Body) -> BaseGeometry:
-    whole, *holes = (loop_polygon(loop, loop_size(loop)) for loop in (_outline(body), *body.holes))
-    polygon = shapely.difference(whole, shapely.union_all(holes)) if holes else whole
+    loops = (_outline(body), *body.holes)
+    polygon, *holes = [loop_polygon(loop, loop_size(loop)) for loop in loops]
+    if holes:
+        polygon = shapely.difference(polygon, shapely.union_all(holes))
     shapely.prepare(polygon)
     return polygon
 
 
 def grid(body: Body, count: int = GRID) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """A grid over the bounding box, x and y (count, count), and which of its points lie inside the
-    body."""
+    """Return the points of a grid over the bounding box and which of them lie inside the body.
+
+    They are x, y and a mask, (count, count) each.
+    """
     polygon = body_polygon(body)
-    x0, y0, x1, y1 = polygon.bounds
+    x_0, y_0, x_1, y_1 = polygon.bounds
     t = (np.arange(count) + SHIFT) / count
-    x, y = np.meshgrid(x0 + t * (x1 - x0), y0 + t * (y1 - y0))
+    x, y = np.meshgrid(x_0 + t * (x_1 - x_0), y_0 + t * (y_1 - y_0))
     return x, y, np.asarray(shapely.contains_xy(polygon, x, y))
 
 
 def inside(body: Body) -> Array:
-    """(n, 2) points inside the body."""
+    """Return (n, 2) points inside the body."""
     x, y, within = grid(body)
     return np.column_stack([x[within], y[within]])
 
@@ -293,53 +342,63 @@ GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
 def doubled_areas(corners: Array) -> Array:
-    """Twice the signed areas of triangles given by their corners (t, 3, 2)."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    """Return twice the signed areas of triangles given by their corners (t, 3, 2)."""
+    a = corners[:, 1] - corners[:, 0]
+    b = corners[:, 2] - corners[:, 0]
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def segment_mass(ends: Indices, lengths: Array, size: int) -> Array:
-    """(size, size) ∫φ_iφ_j of P1 over segments. ends: (s, 2) numbers of their nodes, −1 for one
-    that is left out"""
-    M = np.zeros((size + 1, size + 1))  # what is left out goes to the last row
+    """Return (size, size) ∫φ_iφ_j of P1 over segments.
+
+    ends: (s, 2) numbers of their nodes, −1 for one that is left out
+    """
+    mass = np.zeros((size + 1, size + 1))  # what is left out goes to the last row
     for i in (0, 1):
         for j in (0, 1):
-            np.add.at(M, (ends[:, i], ends[:, j]), lengths / (3.0 if i == j else 6.0))
-    return M[:-1, :-1]
+            entries = lengths / (3.0 if i == j else 6.0)
+            np.add.at(mass, (ends[:, i], ends[:, j]), entries)
+    return mass[:-1, :-1]
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleGeometry:
-    """points: (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise"""
+    """Triangles of a mesh and what follows from their nodes.
+
+    points: (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise
+    """
 
     points: Array
     triangles: Indices
 
     @cached_property
     def sides(self) -> Indices:
-        """(3t, 2) nodes of the sides, the triangle on their left: side 3i + k of triangle i leads
-        from its corner k."""
+        """(3t, 2) nodes of the sides, the triangle on their left.
+
+        Side 3i + k of triangle i starts at its corner k.
+        """
         return self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
     @cached_property
     def edges(self) -> tuple[Indices, Indices]:
-        """(e, 2) the edges, ends ascending, and (t, 3) those of every triangle in the order of
-        `sides`."""
-        edges, of = np.unique(np.sort(self.sides, axis=1), axis=0, return_inverse=True)
-        return edges, of.reshape(-1, 3)
+        """(e, 2) edges, ends ascending, and (t, 3) those of every triangle in the order of `sides`."""
+        ascending = np.sort(self.sides, axis=1)
+        edges, edge_of_side = np.unique(ascending, axis=0, return_inverse=True)
+        return edges, edge_of_side.reshape(-1, 3)
 
     def sides_at(self, pairs: Indices) -> Indices:
-        """(s,) which of the sides leads from one node to the other of pairs (s, 2); −1 where none
-        does."""
+        """Return (s,) numbers of the sides from one node to the other of pairs (s, 2), −1 for none."""
         n = len(self.points)
-        keys, wanted = self.sides[:, 0] * n + self.sides[:, 1], pairs[:, 0] * n + pairs[:, 1]
-        order = np.argsort(keys)
-        found = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
-        return np.where(keys[found] == wanted, found, -1)
+        side_keys = self.sides[:, 0] * n + self.sides[:, 1]
+        pair_keys = pairs[:, 0] * n + pairs[:, 1]
+        order = np.argsort(side_keys)
+        position = np.searchsorted(side_keys, pair_keys, sorter=order)
+        side = order[np.minimum(position, len(side_keys) - 1)]
+        return np.where(side_keys[side] == pair_keys, side, -1)
 
     @cached_property
     def corners(self) -> Array:
-        """(t, 3, 2) [m]."""
+        """(t, 3, 2) corners [m]."""
         return self.points[self.triangles]
 
     @cached_property
@@ -355,30 +414,35 @@ class TriangleGeometry:
 
     @cached_property
     def area(self) -> Array:
-        """(t,) [m²]."""
+        """(t,) areas [m²]."""
         return 0.5 * doubled_areas(self.corners)
 
     @cached_property
     def slopes(self) -> Array:
         """(t, 3, 2) gradients of the three hat functions of each triangle [1/m]."""
         opposite = np.roll(self.corners, -2, axis=1) - np.roll(self.corners, -1, axis=1)
-        turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
-        return turned / (2.0 * self.area)[:, None, None]
+        normal = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
+        return normal / (2.0 * self.area)[:, None, None]
 
     def gradient(self, nodal: Array) -> Array:
-        """∇ of P1 functions: nodal values (n,) or (n, r) → (t, 2) or (t, r, 2)."""
+        """Return ∇ of P1 functions: nodal values (n,) or (n, r) → (t, 2) or (t, r, 2)."""
         return np.einsum("tk...,tkd->t...d", nodal[self.triangles], self.slopes)
 
     @cached_property
     def incidence(self) -> Any:
         """(n, t) with 1 where a node is a corner of a triangle."""
-        t = len(self.triangles)
-        entries = np.ones(3 * t), (self.triangles.ravel(), np.repeat(np.arange(t), 3))
         import scipy.sparse as sp
 
-        return sp.csr_array(sp.coo_array(entries, shape=(len(self.points), t)))
+        t = len(self.triangles)
+        rows = self.triangles.ravel()
+        columns = np.repeat(np.arange(t), 3)
+        entries = sp.coo_array((np.ones(3 * t), (rows, columns)), shape=(len(self.points), t))
+        return sp.csr_array(entries)
 
-    def barycentric(self, at: Array, of: Indices | slice = slice(None)) -> Array:
-        """(q, 3) barycentric coordinates of points (q, 2), or of one, in the triangles `of`, by
-        default all."""
-        return 1.0 / 3.0 + np.einsum("tkd,td->tk", self.slopes[of], at - self.centres[of])
+    def barycentric(self, points: Array, triangles: Indices | slice = slice(None)) -> Array:
+        """Return (q, 3) barycentric coordinates of points (q, 2), or of one, in triangles.
+
+        triangles: (q,) numbers, by default all
+        """
+        offset = points - self.centres[triangles]
+        return 1.0 / 3.0 + np.einsum("tkd,td->tk", self.slopes[triangles], offset)
