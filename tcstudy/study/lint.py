@@ -28,7 +28,7 @@ from tcstudy.errors import NUMBER, GeometryFailed, UsageError, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
-from tcstudy.read.document import Collector, Found, located, tree_of
+from tcstudy.read.document import Collector, LocatedFault, located, tree_of
 from tcstudy.read.fields import names_needed
 from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.points import combinations, distinct, idle_notes
@@ -483,7 +483,7 @@ ACCURACY = 1e-7
 tolerance."""
 
 
-def built_faults(study: Study) -> list[Found]:
+def built_faults(study: Study) -> list[LocatedFault]:
     """The faults of a study whose body is a file; empty for every other body."""
     body = study.scenes[0].body
     if body.brep is None:
@@ -506,7 +506,7 @@ def built_faults(study: Study) -> list[Found]:
     ]
 
 
-def _nameless(body: Body, geometry: Geometry) -> Iterator[Found]:
+def _nameless(body: Body, geometry: Geometry) -> Iterator[LocatedFault]:
     """Names that no edge of the face has, since another name's point is nearest to the same
     edge."""
     assert body.brep is not None
@@ -527,7 +527,7 @@ def _nameless(body: Body, geometry: Geometry) -> Iterator[Found]:
             )
 
 
-def _of_regions(body: Body, geometry: Geometry) -> Iterator[Found]:
+def _of_regions(body: Body, geometry: Geometry) -> Iterator[LocatedFault]:
     """Regions that leave the face; they may end on its edges."""
     areas = geometry.face_areas()
     for region in body.regions:
@@ -552,7 +552,7 @@ def _of_regions(body: Body, geometry: Geometry) -> Iterator[Found]:
             )
 
 
-def _of_supports(study: Study, geometry: Geometry) -> Iterator[Found]:
+def _of_supports(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
     """Rigid motions that the supports leave, once for each kind of support in the sweep."""
     pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
     centre = (float(pieces[0].points[0, 0]), float(pieces[0].points[0, 1]))
