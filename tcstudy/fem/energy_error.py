@@ -53,60 +53,69 @@ Array = NDArray[np.float64]
 
 
 def own_strain(mesh: TriangleGeometry, u: Array) -> Array:
-    """(t, 3) strain of a displacement u (2n,) on triangles."""
+    """Return the strain (t, 3) of a displacement u (2n,) on triangles: xx, yy, xy."""
     gradient = mesh.gradient(u.reshape(2, -1).T)
     shear = 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])
     return np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
 
 
 def strain_energy(mesh: TriangleGeometry, a: Array, lam: Array, mu: Array) -> Array:
-    """(t,) ∫_K a:c a of a strain that is linear on K and given at its corners (t, 3, 3) [J/m];
-    moduli (t,)."""
+    """Return ∫_K a:c a (t,) of a strain that is linear on each triangle K [J/m].
+
+    a: (t, 3, 3) strain by corner and component;  lam, mu: (t,) moduli
+    """
     trace = a[..., 0] + a[..., 1]
-    total = np.einsum("tkc,tkc->tc", a, a) + a.sum(axis=1) * a.sum(axis=1)
+    components = np.einsum("tkc,tkc->tc", a, a) + a.sum(axis=1) * a.sum(axis=1)
     volume = np.einsum("tk,tk->t", trace, trace) + trace.sum(axis=1) * trace.sum(axis=1)
-    return mesh.area / 12.0 * (lam * volume + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
+    shear_part = components @ np.array([1.0, 1.0, 2.0])
+    return mesh.area / 12.0 * (lam * volume + 2.0 * mu * shear_part)
 
 
 def stress_of(strain: Array, lam: Array, mu: Array) -> Array:
-    """cε, (…, 3) → (…, 3) [Pa]; moduli (…,)."""
+    """Return the stress cε (…, 3) of a strain (…, 3) with the moduli (…,) [Pa]."""
     stress: Array = 2.0 * mu[..., None] * strain
     stress[..., :2] += (lam * (strain[..., 0] + strain[..., 1]))[..., None]
     return stress
 
 
 def traction_of(stress: Array, normal: Array) -> Array:
-    """σn at the Gauss points of segments (s, 2, 2) of stresses (s, 2, 3) there, normals (s, 2)
-    [Pa]."""
-    n = normal[:, None]
-    rows = [stress[..., i] * n[..., 0] + stress[..., j] * n[..., 1] for i, j in ((0, 2), (2, 1))]
-    return np.stack(rows, axis=-1)
+    """Return σn (s, 2, 2) of stresses (s, 2, 3) at the Gauss points of segments [Pa].
+
+    normal: (s, 2) of the segments
+    """
+    n_x, n_y = normal[:, None, 0], normal[:, None, 1]
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    return np.stack([xx * n_x + xy * n_y, xy * n_x + yy * n_y], axis=-1)
 
 
 def tangent(normal: Array) -> Array:
-    """t = (−n₂, n₁) of normals (s, 2)."""
+    """Return the tangents t = (−n₂, n₁) of normals (s, 2)."""
     return np.column_stack([-normal[:, 1], normal[:, 0]])
 
 
 def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
-    """P1 values at the Gauss points of segments, (n, …) → (s, 2, …)."""
+    """Return P1 functions (s, 2, …) at the Gauss points of segments from nodal values (n, …)."""
     first, second = nodal[segments[:, 0]], nodal[segments[:, 1]]
     return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
 
 
 def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> Array:
-    """(s, 2, 2) g − p n of an edge, and what its resultant and its moment spread over it, at points
-    (s, 2, 2) [Pa]."""
-    found = role.traction(normal[:, None], lambda value: values_at(value, at))
-    found = found + np.array(role.force) / sum(
-        curve.length for curve in mesh.geometry.curves if curve.name == name
-    )
+    """Return the traction (s, 2, 2) on an edge, resultant and moment included, at points [Pa].
+
+    at: (s, 2, 2) Gauss points of the segments of the edge;  normal: (s, 2) of the segments
+    """
+    traction = role.traction(normal[:, None], lambda value: values_at(value, at))
+    length = sum(curve.length for curve in mesh.geometry.curves if curve.name == name)
+    traction = traction + np.array(role.force) / length
     if role.moment:
-        length, (nodes, _, arms) = mesh.boundary.length[mesh.on(name)], edge_arms(mesh, name)
-        arm = at - (mesh.points[nodes[0]] - arms[0])
-        turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-        found = found + role.moment * turn / np.einsum("s,sgd,sgd->", 0.5 * length, arm, arm)
-    return found
+        lengths = mesh.boundary.length[mesh.on(name)]
+        nodes, _, arms = edge_arms(mesh, name)
+        middle = mesh.points[nodes[0]] - arms[0]
+        arm = at - middle
+        turned = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+        inertia = np.einsum("s,sgd,sgd->", 0.5 * lengths, arm, arm)
+        traction = traction + role.moment * turned / inertia
+    return traction
 
 
 ContactTraction = tuple[Array, Array]
@@ -117,25 +126,29 @@ off Γ_C, and dist(ξ_h, b̂(u_h,T)) there [Pa]."""
 def contact_traction(
     mesh: PlaneMesh, line: ContactLine, law: Laws | EdgeLaws, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
-    """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held
-    nodes."""
-    edges, on, segments = mesh.boundary, line.which, line.segments
-    ends_xi, ends_slip = (line.nodal(x, mesh.n_points, np.nan)[segments] for x in (xi, u_T))
+    """Return ξ_h between the nodes, and its distance from the law.
+
+    u_T: (m,) slips;  xi: (m,) tractions ξ_i/c_i;  u: (2n,), which gives u_T of held nodes
+    """
+    edges, on_line, segments = mesh.boundary, line.which, line.segments
+    end_xi = line.nodal(xi, mesh.n_points, np.nan)[segments]
+    end_slips = line.nodal(u_T, mesh.n_points, np.nan)[segments]
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
-    ends_xi = np.where(np.isnan(ends_xi), ends_xi[:, ::-1], ends_xi)
-    held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent(edges.normal[on]))
-    ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
-    traction = np.stack([(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS], axis=1)
-    slip = np.stack(
-        [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS], axis=1
-    )
-    at = np.repeat(line.segment_edge, 2), edges.at[on].reshape(-1, 2)
-    low, high = law_along(law, line.edge_names, *at).interval(slip.ravel())
-    result, defect = np.zeros((2, len(mesh.segments), 2))
-    result[on] = traction
-    off = np.maximum(low.reshape(-1, 2) - traction, traction - high.reshape(-1, 2))
-    defect[on] = np.maximum(0.0, off)
-    return result, defect
+    end_xi = np.where(np.isnan(end_xi), end_xi[:, ::-1], end_xi)
+    end_u = u.reshape(2, -1).T[segments.T]
+    held_slips = np.einsum("ksd,sd->sk", end_u, tangent(edges.normal[on_line]))
+    end_slips = np.where(np.isnan(end_slips), held_slips, end_slips)
+    traction = np.stack([(1.0 - w) * end_xi[:, 0] + w * end_xi[:, 1] for w in GAUSS], axis=1)
+    change = end_slips[:, 1] - end_slips[:, 0]
+    slip = np.stack([end_slips[:, 0] + w * change for w in GAUSS], axis=1)
+    edge = np.repeat(line.segment_edge, 2)
+    points = edges.at[on_line].reshape(-1, 2)
+    low, high = law_along(law, line.edge_names, edge, points).interval(slip.ravel())
+    xi_h, distance = np.zeros((2, len(mesh.segments), 2))
+    xi_h[on_line] = traction
+    outside = np.maximum(low.reshape(-1, 2) - traction, traction - high.reshape(-1, 2))
+    distance[on_line] = np.maximum(0.0, outside)
+    return xi_h, distance
 
 
 Indices = NDArray[np.intp]
@@ -143,9 +156,9 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Pieces:
-    """The mesh of a body whose nodes on interfaces are one for each material that meets there.
+    """The mesh of a body with one node for each material that meets at a place.
 
-    mesh:      its triangles are those of the whole mesh, in their order;  node: (n',) which of its nodes
+    mesh:      with the triangles of the whole mesh, in their order;  node: (n',) nodes of the whole mesh
     piece:     (n',) number of the scene's piece that a node belongs to
     interface: (2, e, 2) nodes on both sides of the edges between pieces, and (2, e) the triangles there
     """
@@ -157,41 +170,40 @@ class Pieces:
 
 
 def pieces_of(mesh: PlaneMesh, scene: Scene) -> Pieces:
-    """The same for all scenes of a study."""
+    """Return the pieces of a mesh by material, which all scenes of a study share."""
     n = mesh.n_points
-    of = np.zeros(len(mesh.triangles), dtype=np.intp)
+    piece = np.zeros(len(mesh.triangles), dtype=np.intp)
     for number, (where, _) in enumerate(scene.pieces):
-        of[mesh.inside(where)] = number
-    keys, corners = np.unique(of[:, None] * n + mesh.triangles, return_inverse=True)
-    segments = np.searchsorted(keys, of[mesh.owner][:, None] * n + mesh.segments)
+        piece[mesh.inside(where)] = number
+    node_keys = piece[:, None] * n + mesh.triangles
+    keys, corners = np.unique(node_keys, return_inverse=True)
+    segments = np.searchsorted(keys, piece[mesh.owner][:, None] * n + mesh.segments)
     split = mesh
     if len(scene.pieces) > 1:
-        split = replace(
-            mesh, points=mesh.points[keys % n], triangles=corners.reshape(-1, 3), segments=segments
-        )
+        triangles = corners.reshape(-1, 3)
+        split = replace(mesh, points=mesh.points[keys % n], triangles=triangles, segments=segments)
     twin = mesh.sides_at(mesh.sides[:, ::-1])
-    first = np.flatnonzero((twin >= 0) & (of[np.arange(len(twin)) // 3] < of[twin // 3]))
+    triangle = np.arange(len(twin)) // 3
+    first = np.flatnonzero((twin >= 0) & (piece[triangle] < piece[twin // 3]))
     ends = np.stack([split.sides[first], split.sides[twin[first], ::-1]])
-    return Pieces(split, keys % n, keys // n, (ends, np.stack([first, twin[first]]) // 3))
+    triangles_beside = np.stack([first, twin[first]]) // 3
+    return Pieces(split, keys % n, keys // n, (ends, triangles_beside))
 
 
 def energy_squares(
     pieces: Pieces, u: Array, theta: Array, scene: Scene, friction: ContactTraction
 ) -> tuple[Array, float]:
-    """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a
-    temperature θ (n,)."""
+    """Return η_K² (t,) of the energy norm [J/m] and ‖u_h‖ [√(J/m)].
+
+    u: (2n,) displacement;  theta: (n,) temperature, both on the whole mesh
+    """
     mesh = pieces.mesh
     u, theta = u.reshape(2, -1)[:, pieces.node].ravel(), theta[pieces.node]
-    lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
-    own = own_strain(mesh, u)
-    recovered = mesh.recovery @ own
-    at_nodes = (
-        np.array([getattr(m, name) for _, m in scene.pieces])[pieces.piece]
-        for name in ("lam", "mu", "beta")
-    )
-    lam_n, mu_n, beta_n = at_nodes
-    sigma = stress_of(recovered, lam_n, mu_n) - (beta_n * theta)[:, None] * [1.0, 1.0, 0.0]
-    squares = strain_energy(mesh, recovered[mesh.triangles] - own[:, None], lam, mu)
+    lam, mu = mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu")
+    strain = own_strain(mesh, u)
+    recovered = mesh.recovery @ strain
+    sigma = _recovered_stress(pieces, recovered, theta, scene)
+    squares = strain_energy(mesh, recovered[mesh.triangles] - strain[:, None], lam, mu)
     slope = mesh.gradient(sigma)
     divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
     f = np.stack([values_at(component, mesh.inner_points) for component in scene.f], axis=-1)
@@ -201,95 +213,105 @@ def energy_squares(
     squares += _jumps(pieces, sigma, theta, scene)
     if scene.material.expands:
         squares += coupling(mesh, theta, scene)
-    norm = strain_energy(mesh, np.repeat(own[:, None], 3, axis=1), lam, mu).sum()
+    norm = strain_energy(mesh, np.repeat(strain[:, None], 3, axis=1), lam, mu).sum()
     return squares, float(np.sqrt(norm))
+
+
+def _recovered_stress(pieces: Pieces, strain: Array, theta: Array, scene: Scene) -> Array:
+    """Return σ* (n', 3) at the nodes of pieces from the recovered strain (n', 3) and θ (n',)."""
+
+    def at_nodes(name: str) -> Array:
+        moduli = np.array([getattr(material, name) for _, material in scene.pieces])
+        return np.asarray(moduli[pieces.piece])
+
+    stress = stress_of(strain, at_nodes("lam"), at_nodes("mu"))
+    return stress - (at_nodes("beta") * theta)[:, None] * [1.0, 1.0, 0.0]
 
 
 def edge_residual(
     mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, friction: ContactTraction
 ) -> Array:
-    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) + 2πμ/h_e ‖u_D − u_h‖²_e over the boundary
-    edges of each triangle [J/m]; a component has r_e where it is free, u_D where it is given.
+    """Return the boundary terms of η_K² (t,), summed over the edges of each triangle [J/m]:
 
-    u: (2n,) the displacement;  sigma: (n, 3) σ* at the nodes
+    Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) + 2πμ/h_e ‖u_D − u_h‖²_e,
+    with r_e for the free components of an edge and u_D for the given ones.
+
+    u: (2n,) displacement;  sigma: (n, 3) σ* at the nodes
     """
-    edges, curves, roles, (xi, defect) = (
-        mesh.boundary,
-        mesh.geometry.curves,
-        dict(scene.boundary),
-        friction,
-    )
+    edges, roles = mesh.boundary, dict(scene.boundary)
+    xi, distance = friction
     traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
-    moved, square, gap = (
-        on_segments(u.reshape(2, -1).T, mesh.segments),
-        defect**2,
-        np.zeros_like(xi),
-    )
-    for index, curve in enumerate(curves):
-        here, role = mesh.segment_curve == index, roles[curve.name]
-        at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
-        # what σn should be where it is free: what acts on the edge, −ξ_h t, and what springs take
-        target = acting(
-            mesh, curve.name, replace(role, moment=None) if role.moment else role, at, axes[0]
-        )
+    displacement = on_segments(u.reshape(2, -1).T, mesh.segments)
+    square = distance**2
+    gap = np.zeros_like(xi)
+
+    def component(vectors: Array, directions: Array) -> Array:
+        return np.asarray(np.einsum("sqd,sd->sq", vectors, directions))
+
+    for index, curve in enumerate(mesh.geometry.curves):
+        here = mesh.segment_curve == index
+        role = roles[curve.name]
+        at, normal = edges.at[here], edges.normal[here]
+        axes = normal, tangent(normal)
+        # what σn should be where it is free: the load of the edge, −ξ_h t, and the force of springs
+        unmoved = replace(role, moment=None) if role.moment else role
+        target = acting(mesh, curve.name, unmoved, at, normal)
         target = target - xi[here][..., None] * axes[1][:, None]
-        for k, d in zip(role.spring, axes, strict=True):
-            target = target - k * np.einsum("sqd,sd->sq", moved[here], d)[..., None] * d[:, None]
+        for k, axis in zip(role.spring, axes, strict=True):
+            target = target - k * component(displacement[here], axis)[..., None] * axis[:, None]
         if role.frame != "nt":
             axes = np.tile([1.0, 0.0], (len(at), 1)), np.tile([0.0, 1.0], (len(at), 1))
-        for given, d in zip(role.u, axes, strict=True):
+        for given, axis in zip(role.u, axes, strict=True):
             if given is None and not isinstance(role, Rigid):
-                square[here] += np.einsum("sqd,sd->sq", traction[here] - target, d) ** 2
+                square[here] += component(traction[here] - target, axis) ** 2
             elif isinstance(role, Clamped) and given is not None and curve.straight:
-                gap[here] += (values_at(given, at) - np.einsum("sqd,sd->sq", moved[here], d)) ** 2
+                gap[here] += (values_at(given, at) - component(displacement[here], axis)) ** 2
     mu = mesh.of_material(scene, "mu")[mesh.owner]
-    terms = edges.length**2 / (2.0 * np.pi * mu) * square.mean(
-        axis=1
-    ) + 2.0 * np.pi * mu * gap.mean(axis=1)
-    return mesh.from_segments(terms)
+    free_terms = edges.length**2 / (2.0 * np.pi * mu) * square.mean(axis=1)
+    held_terms = 2.0 * np.pi * mu * gap.mean(axis=1)
+    return mesh.from_segments(free_terms + held_terms)
 
 
 def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
-    """(t,) η_K² of a temperature (n,) that was solved for [W K/m], 0 where nothing conducts."""
+    """Return η_K² (t,) of a computed temperature (n,) [W K/m], 0 where nothing conducts."""
     k, edges = mesh.of_material(scene, "k"), mesh.boundary
-    own = mesh.gradient(theta)
-    recovered = mesh.recovery @ own
-    excess = recovered[mesh.triangles] - own[:, None]
+    gradient = mesh.gradient(theta)
+    recovered = mesh.recovery @ gradient
+    excess = recovered[mesh.triangles] - gradient[:, None]
     squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
 
     slope = mesh.gradient(recovered)
     q = values_at(scene.heat.q, mesh.inner_points)
     if scene.heat.omega:
         q = q * mesh.inside(scene.heat.omega)[:, None]
-    rest = np.mean((q + (k * (slope[:, 0, 0] + slope[:, 1, 1]))[:, None]) ** 2, axis=1) * mesh.area
+    divergence = k * (slope[:, 0, 0] + slope[:, 1, 1])
+    residual = np.mean((q + divergence[:, None]) ** 2, axis=1) * mesh.area
 
     k_e = k[mesh.owner]
-    flux = k_e[:, None] * np.einsum(
-        "sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal
-    )
+    edge_gradient = on_segments(recovered, mesh.segments)
+    flux = k_e[:, None] * np.einsum("sqd,sd->sq", edge_gradient, edges.normal)
+    edge_theta = on_segments(theta, mesh.segments)
     for name, alpha, theta_bar in scene.exchange:
-        robin = mesh.on(name)
-        flux[robin] += alpha * (
-            on_segments(theta, mesh.segments)[robin] - values_at(theta_bar, edges.at[robin])
-        )
-    for name, into in scene.flux:
-        flux[mesh.on(name)] -= values_at(into, edges.at[mesh.on(name)])
+        on = mesh.on(name)
+        flux[on] += alpha * (edge_theta[on] - values_at(theta_bar, edges.at[on]))
+    for name, heat_flux in scene.flux:
+        on = mesh.on(name)
+        flux[on] -= values_at(heat_flux, edges.at[on])
     for name, _ in scene.held_theta:
         flux[mesh.on(name)] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        inside = k * mesh.area / 12.0 * squares + (mesh.diameter / np.pi) ** 2 / k * rest
+        inside = k * mesh.area / 12.0 * squares + (mesh.diameter / np.pi) ** 2 / k * residual
         edge = edges.length**2 / (np.pi * k_e) * np.mean(flux**2, axis=1)
     return np.where(k > 0.0, inside, 0.0) + mesh.from_segments(np.where(k_e > 0.0, edge, 0.0))
 
 
 def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
-    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that a temperature, computed or known, puts into the
-    displacement [J/m]."""
+    """Return β²/(λ+μ) ‖θ − θ_h‖²_K (t,), the error of θ that enters the displacement [J/m]."""
     lam, mu, beta, k = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta", "k"))
     factor = beta**2 / (lam + mu)
     if needs_heat_solve(scene):
-        own = factor * (mesh.diameter / np.pi) ** 2 / np.where(k > 0.0, k, 1.0)
-        return own * heat_estimate(mesh, theta, scene)
+        weight = factor * (mesh.diameter / np.pi) ** 2 / np.where(k > 0.0, k, 1.0)
+        return weight * heat_estimate(mesh, theta, scene)
     if not isinstance(scene.heat.theta, Expression):
         return np.zeros(len(mesh.area))
     exact = values_at(scene.heat.theta, mesh.inner_points)
@@ -297,26 +319,31 @@ def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
 
 
 def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
-    """(t,) the terms of interfaces, of stresses (n', 3) and temperatures (n',) at the nodes."""
-    mesh, (ends, at) = pieces.mesh, pieces.interface
-    found = np.zeros(len(mesh.area))
-    if not at.size:
-        return found
-    lam, mu, beta, k = (mesh.of_material(scene, name)[at] for name in ("lam", "mu", "beta", "k"))
+    """Return the terms of interfaces (t,) of stresses (n', 3) and temperatures (n',) at nodes."""
+    mesh = pieces.mesh
+    ends, triangles = pieces.interface
+    squares = np.zeros(len(mesh.area))
+    if not triangles.size:
+        return squares
+    lam, mu, beta, k = (
+        mesh.of_material(scene, name)[triangles] for name in ("lam", "mu", "beta", "k")
+    )
     along = mesh.points[ends[0, :, 1]] - mesh.points[ends[0, :, 0]]
     length = np.linalg.norm(along, axis=1)
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
     traction = traction_of(on_segments(sigma, ends[0]) - on_segments(sigma, ends[1]), normal)
-    term = 0.5 * length**2 / (2.0 * np.pi * mu.max(axis=0)) * np.mean(np.sum(traction**2, -1), 1)
-    both = np.stack([term, term])
+    mean_square = np.mean(np.sum(traction**2, -1), 1)
+    term = 0.5 * length**2 / (2.0 * np.pi * mu.max(axis=0)) * mean_square
+    both_sides = np.stack([term, term])
     if needs_heat_solve(scene):
         gradient = mesh.recovery @ mesh.gradient(theta)
-        flows = (
-            k_i[:, None, None] * on_segments(gradient, side)
-            for k_i, side in zip(k, ends, strict=True)
+        first, second = (
+            conductivity[:, None, None] * on_segments(gradient, side)
+            for conductivity, side in zip(k, ends, strict=True)
         )
-        heat = np.sum(np.subtract(*flows) * normal[:, None], axis=-1)
-        term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * np.mean(heat**2, axis=1)
-        both += beta**2 / (lam + mu) / np.where(k > 0.0, k, 1.0) * (length / np.pi) ** 2 * term
-    np.add.at(found, at, both)
-    return found
+        flow = np.sum((first - second) * normal[:, None], axis=-1)
+        term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * np.mean(flow**2, axis=1)
+        coupled = beta**2 / (lam + mu) / np.where(k > 0.0, k, 1.0)
+        both_sides += coupled * (length / np.pi) ** 2 * term
+    np.add.at(squares, triangles, both_sides)
+    return squares

@@ -21,12 +21,6 @@ Literature: Babuška, Kellogg & Pitkäranta, Numer. Math. 33 (1979) 447–471; R
 Paris 286 (1978)
             Williams, J. Appl. Mech. 19 (1952) 526–528 (angles)
 Left out:   ends of slip zones, which no one knows before; jumps of tractions along a straight edge (r log r)
-
-Recovery of gradients of P1 functions, from one value per triangle to better ones at the nodes: at every node the linear
-polynomial that fits the values at the centroids of the triangles around it best (area-weighted least squares). Nodes on
-the boundary and with few triangles use two rings of triangles, so that the gradient keeps its order up to the boundary.
-Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364 (superconvergent patch recovery)
-Left out:   patches do not stop at edges where the data jump; where materials do, nodes are split (energy_error.Pieces)
 """
 
 from __future__ import annotations
@@ -49,16 +43,10 @@ from tcstudy.scene.mesh_plan import GRADED, MeshPlan
 from tcstudy.scene.records import Clamped, Contact, Point, Role, Scene, Where
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import GAUSS, INNER, TriangleGeometry, doubled_areas
+from tcstudy.shapes.recovery import recovery_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-ENOUGH = 4
-"""Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two
-rings."""
-FLAT = 1e-6
-"""Determinant of the scaled moments below which a patch is too flat for a fit and its mean is
-taken."""
 
 
 class BoundaryEdges(NamedTuple):
@@ -171,35 +159,8 @@ class PlaneMesh(TriangleGeometry):
 
     @cached_property
     def recovery(self) -> sp.csr_array:
-        """(n, t) the linear map from values on triangles to recovered values at nodes: fits on
-        patches of one ring of triangles, of two where one says too little."""
-        n, ring = self.n_points, self.incidence
-        few = np.diff(ring.indptr) < ENOUGH
-        few[self.segments] = True
-        neighbours = sp.diags_array(few.astype(float)) @ ring @ ring.T
-        patches = sp.csr_array(sp.diags_array((~few).astype(float)) @ ring + neighbours @ ring)
-        patches.eliminate_zeros()
-        node, triangle = np.repeat(np.arange(n), np.diff(patches.indptr)), patches.indices
-
-        def total(values: Array) -> Array:
-            """(n,) sums over the triangles of each patch."""
-            return np.asarray(np.bincount(node, values, minlength=n), dtype=float)
-
-        weight, offset = self.area[triangle], self.centres[triangle] - self.points[node]
-        whole = total(weight)
-        size = np.sqrt(total(weight * np.einsum("ed,ed->e", offset, offset)) / whole)
-        terms = np.column_stack([np.ones(len(node)), offset / size[node, None]])
-        weight = weight / whole[node]
-        moments = np.array([[total(weight * a * b) for a in terms.T] for b in terms.T]).transpose(
-            2, 0, 1
-        )
-        # The fit's value at the node is the first coefficient: the first row of the inverse
-        # moments.
-        first = np.tile([1.0, 0.0, 0.0], (n, 1))  # the mean
-        sound = np.linalg.det(moments) > FLAT
-        first[sound] = np.linalg.solve(moments[sound], first[sound][..., None])[..., 0]
-        entries = weight * np.einsum("ek,ek->e", terms, first[node])
-        return sp.csr_array((entries, triangle, patches.indptr), patches.shape)
+        """Return the map (n, t) from values on triangles to recovered values at nodes."""
+        return recovery_matrix(self, self.segments)
 
 
 EDGES = ("boundary",)

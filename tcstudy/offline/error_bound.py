@@ -41,19 +41,20 @@ from tcstudy.scene.records import Scene
 Array = NDArray[np.float64]
 
 PARTS = 16
-"""Of an edge in the trapezoidal rule for M."""
+"""Parts of a segment in the trapezoidal rule for M."""
 WEIGHTS = np.geomspace(1e-5, 0.8, 12)
-"""w that are tried, over λ_low from 0 and from ω on: with the latter the bound converges, but where
-nothing of what falls is near, smaller ones are better."""
-POLYGON, FREE = 1e-4, 3e-3
-"""Error of the polygon of an exponential law over the scale of b, and the share of λ_low that is
-spent on it."""
+"""Values of w that are tried, relative to λ_low from 0 and from ω on.
+
+From ω on the bound converges; where no softening part of the law is near, smaller w are better."""
+POLYGON_ERROR = 1e-4
+"""Error of the polygon of an exponential law, relative to the scale of b."""
+POLYGON_SHARE = 3e-3
+"""Share of λ_low that is spent on that error."""
 
 
 @dataclass(frozen=True)
 class _Load:
-    """What loads the equilibrium elements of a scene: L⁻¹F (N,), given w (4e,), Σ_K ‖(I − Π)ρ‖²
-    [J/m]."""
+    """The load of equilibrium elements: L⁻¹F (N,), prescribed w (4e,), Σ_K ‖(I − Π)ρ‖² [J/m]."""
 
     rows: Array
     given: Array
@@ -69,9 +70,8 @@ class ErrorBounds:
     _polygons: Recent[Laws] = field(default_factory=lambda: Recent(64, lambda _: 1))
 
     def look(self, scene: Scene, v: Array) -> dict[str, float]:
-        """What is stored of the bound for a solution v (m,), by variable name; NaN where nothing is
-        proved."""
-        level = self.level
+        """Return the stored variables of the bound for a solution v (m,), NaN without a proof."""
+        level, mesh = self.level, self.level.mesh
         if why_no_bound(scene):
             return {"error_bound": float("nan"), "error_bound_relative": float("nan")}
         line, law, low = level.line, self.law(scene), level.band(scene).low
@@ -81,89 +81,92 @@ class ErrorBounds:
         slip = np.einsum("sed,sd->se", u[line.segments], along)
         starts = [0.0, law.omega] if law.omega < low else [0.0]
         w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
-        law, error = self._polygon(law)
-        slack = FREE * low if error > 0.0 else 0.0
-        M, k = consistency(law, line.lengths, xi, slip, w), 1.0 - (w + slack) / low
-        M, k = (
-            M[k > 0.0] + (error**2 * line.lengths.sum() / (4.0 * slack) if slack else 0.0),
-            k[k > 0.0],
-        )
+        law, polygon_error = self._polygon(law)
+        slack = POLYGON_SHARE * low if polygon_error > 0.0 else 0.0
+        M = consistency(law, line.lengths, xi, slip, w)
+        k = 1.0 - (w + slack) / low
+        M, k = M[k > 0.0], k[k > 0.0]
+        if slack:
+            M = M + polygon_error**2 * line.lengths.sum() / (4.0 * slack)
         bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
-        mesh, strain = level.mesh, own_strain(level.mesh, u.T.ravel())
-        stress = stress_of(strain, *(mesh.of_material(scene, name) for name in ("lam", "mu")))
-        norm = float(
-            np.sqrt(mesh.area @ (stress * strain * [1.0, 1.0, 2.0]).sum(axis=1))
-        )  # without springs: no more
-        left = norm - bound  # of ‖u‖, no more
-        return {
-            "error_bound": bound,
-            "error_bound_relative": bound / left if left > 0.0 else float("nan"),
-        }
+        strain = own_strain(mesh, u.T.ravel())
+        stress = stress_of(strain, mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu"))
+        energy_density = (stress * strain * [1.0, 1.0, 2.0]).sum(axis=1)
+        # a lower bound of ‖u_h‖, since the energy of springs is left out, and then of ‖u‖
+        norm = float(np.sqrt(mesh.area @ energy_density))
+        least_norm = norm - bound
+        relative = bound / least_norm if least_norm > 0.0 else float("nan")
+        return {"error_bound": bound, "error_bound_relative": relative}
 
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
-        """η [√(J/m)] of a displacement u (n, 2), and (s, 2) ξ* at the ends of the segments of Γ_C
-        [Pa]."""
+        """Return η [√(J/m)] and ξ* (s, 2) at the ends of the segments of Γ_C [Pa].
+
+        u: (n, 2) the displacement u_h
+        """
         (dual, factor), load = self.level.dual(scene), self._load(scene)
-        law = law if factor == 1.0 else law.placed(1.0 / factor)
-        at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
+        if factor != 1.0:
+            law = law.placed(1.0 / factor)
+        law_of_segment = np.broadcast_to(law.index, len(dual.c) // 2)
+        at_gauss = law.tables.at(np.repeat(law_of_segment, 2)[None])
         rows = load.rows / factor
         l_tilde = dual.condensation.condensed(rows)
-        found = solve_block(dual.contact, l_tilde[None], at_gauss, "from-zero", prove=False)
-        w = dual.condensation.expand(found.v[0], rows)
-        apart = dual.rows(u) - load.given - (w if dual.ties is None else dual.ties @ w)
-        eta2 = factor * float(apart @ (dual.K @ apart)) + load.rest / factor
-        traction = (factor * found.xi[0] / dual.c).reshape(-1, 2)
+        solution = solve_block(dual.contact, l_tilde[None], at_gauss, "from-zero", prove=False)
+        w = dual.condensation.expand(solution.v[0], rows)
+        if dual.ties is not None:
+            w = dual.ties @ w
+        difference = dual.rows(u) - load.given - w
+        eta2 = factor * float(difference @ (dual.K @ difference)) + load.rest / factor
+        traction = (factor * solution.xi[0] / dual.c).reshape(-1, 2)
         change = np.sqrt(3.0) * (traction[:, 1] - traction[:, 0])
-        return float(np.sqrt(eta2)), traction.mean(axis=1)[:, None] + np.multiply.outer(
-            change, [-0.5, 0.5]
-        )
+        xi = traction.mean(axis=1)[:, None] + np.multiply.outer(change, [-0.5, 0.5])
+        return float(np.sqrt(eta2)), xi
 
     def _polygon(self, law: Laws) -> tuple[Laws, float]:
-        """A piecewise-linear law, and how far b is from it at most, at all slips [Pa]."""
+        """Return a piecewise-linear law and the largest distance of b from it [Pa]."""
         if law.piecewise_linear:
             return law, 0.0
 
-        def made(one: Laws) -> Laws:
-            ends = np.abs([*one.kinks, *one.s_0]).max() + sum(
-                100.0 / np.abs(r[a != 0.0]).min() for a, r in one.exponentials
-            )
-            return piecewise_linear(
-                one, POLYGON, float(ends)
-            )  # beyond which nothing is left of an exponential
+        def polygon(single_law: Laws) -> Laws:
+            # beyond `end` the exponentials have decayed
+            end = np.abs([*single_law.kinks, *single_law.s_0]).max()
+            end = end + sum(100.0 / np.abs(r[a != 0.0]).min() for a, r in single_law.exponentials)
+            return piecewise_linear(single_law, POLYGON_ERROR, float(end))
 
-        return self._polygons.of(law, lambda: law.mapped(made)), POLYGON * law.b_scale
+        polygons = self._polygons.of(law, lambda: law.mapped(polygon))
+        return polygons, POLYGON_ERROR * law.b_scale
 
     def _load(self, scene: Scene) -> _Load:
-        """The load of a scene on its equilibrium elements, the last ones kept."""
-        (dual, factor), level, mesh = self.level.dual(scene), self.level, self.level.mesh
+        """Return the load of a scene on its equilibrium elements; the last ones are kept."""
+        _, factor = self.level.dual(scene)
         key = scene.f, scene.boundary, scene.heat, scene.material, factor
+        return self._loads.of(key, lambda: self._new_load(scene))
 
-        def made() -> _Load:
-            theta, frames = np.zeros((len(mesh.triangles), 3)), level.frames_of(scene.boundary)
-            if scene.material.expands:
-                nodal_theta = level.temperature(scene).theta[mesh.triangles]
-                theta = mesh.of_material(scene, "beta")[:, None] * nodal_theta
-            f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
-            F, rest = dual.elements.volume_load(f, theta)
-            traction = np.zeros((len(mesh.segments), 2, 2))  # in x and y at the Gauss points
-            for name, role in scene.boundary:
-                on = mesh.on(name)
-                traction[on] = acting(
-                    mesh, name, role, dual.gauss_points[on], mesh.boundary.normal[on]
-                )
-            own = np.zeros((2, 2, len(dual.elements.axes)))
-            half = 0.5 * mesh.boundary.length
-            own[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.axes)
-            prescribed = frames.cartesian(frames.values).reshape(2, -1).T
-            given = np.where(dual.held, dual.rows(prescribed), 0.0)
-            F += own.ravel() - factor * (dual.K @ given)
-            rows = dual.condensation.forward(F if dual.ties is None else dual.ties.T @ F)
-            return _Load(rows, given, rest)
-
-        return self._loads.of(key, made)
+    def _new_load(self, scene: Scene) -> _Load:
+        level, mesh = self.level, self.level.mesh
+        dual, factor = level.dual(scene)
+        thermal_stress = np.zeros((len(mesh.triangles), 3))
+        frames = level.frames_of(scene.boundary)
+        if scene.material.expands:
+            corner_theta = level.temperature(scene).theta[mesh.triangles]
+            thermal_stress = mesh.of_material(scene, "beta")[:, None] * corner_theta
+        f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
+        F, rest = dual.elements.volume_load(f, thermal_stress)
+        traction = np.zeros((len(mesh.segments), 2, 2))  # in x and y at the Gauss points
+        for name, role in scene.boundary:
+            on = mesh.on(name)
+            points, normals = dual.gauss_points[on], mesh.boundary.normal[on]
+            traction[on] = acting(mesh, name, role, points, normals)
+        edge_loads = np.zeros((2, 2, len(dual.elements.axes)))
+        half = 0.5 * mesh.boundary.length
+        edge_loads[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.axes)
+        prescribed = frames.cartesian(frames.values).reshape(2, -1).T
+        given = np.where(dual.held, dual.rows(prescribed), 0.0)
+        F += edge_loads.ravel() - factor * (dual.K @ given)
+        rows = dual.condensation.forward(F if dual.ties is None else dual.ties.T @ F)
+        return _Load(rows, given, rest)
 
     def law(self, scene: Scene) -> Laws:
-        """The law of every segment of Γ_C."""
+        """Return the law of every segment of Γ_C."""
         friction, line = scene.friction, self.level.line
         if isinstance(friction, Laws):
             return friction
@@ -172,36 +175,41 @@ class ErrorBounds:
 
 
 def consistency(law: Laws, lengths: Array, xi: Array, slip: Array, w: Array) -> Array:
-    """(k,) M of the module's text, no less, of several w (k,) [J/m].
+    """Return M of the module's text (k,), or an upper bound of it, for several w (k,) [J/m].
 
     lengths: (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends of segments of Γ_C
     """
     x = np.linspace(0.0, 1.0, PARTS + 1)
-    at, v = (
-        np.multiply.outer(ends[:, 0], 1.0 - x) + np.multiply.outer(ends[:, 1], x)
-        for ends in (xi, slip)
-    )
-    worst = np.empty((len(w), *v.shape))
-    for own, segments in law.groups(len(lengths)):
-        worst[:, segments] = _worst(own, at[segments], v[segments], w[:, None, None])
-    mean = worst @ np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]]) / PARTS
-    change, steps = (ends[:, 1] - ends[:, 0] for ends in (xi, slip))
-    above = (
-        (change + w[:, None] * steps) * steps / (6.0 * PARTS**2)
-    )  # trapezoidal rule less integral of ξ*v + wv²
-    return np.asarray(np.maximum(mean + above, 0.0) @ lengths)
+
+    def along_segments(ends: Array) -> Array:
+        return np.multiply.outer(ends[:, 0], 1.0 - x) + np.multiply.outer(ends[:, 1], x)
+
+    traction, v = along_segments(xi), along_segments(slip)
+    suprema = np.empty((len(w), *v.shape))
+    for segment_law, segments in law.groups(len(lengths)):
+        suprema[:, segments] = _suprema(
+            segment_law, traction[segments], v[segments], w[:, None, None]
+        )
+    mean = suprema @ np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]]) / PARTS
+    traction_change, slip_change = xi[:, 1] - xi[:, 0], slip[:, 1] - slip[:, 0]
+    # the trapezoidal rule less the integral of ξ*v + wv²
+    excess = (traction_change + w[:, None] * slip_change) * slip_change / (6.0 * PARTS**2)
+    return np.asarray(np.maximum(mean + excess, 0.0) @ lengths)
 
 
-def _worst(law: Laws, xi: Array, v: Array, w: Array) -> Array:
-    """sup over the graph of a piecewise-linear law of (ξ* − b(s))(s − v) − w(s − v)², w > 0; all
-    broadcast."""
-    worst = np.zeros(np.broadcast_shapes(v.shape, w.shape))  # s = v
+def _suprema(law: Laws, xi: Array, v: Array, w: Array) -> Array:
+    """Return sup of (ξ* − b(s))(s − v) − w(s − v)² over the graph of a piecewise-linear law.
+
+    w > 0; all arrays are broadcast.
+    """
+    suprema = np.zeros(np.broadcast_shapes(v.shape, w.shape))  # s = v
     for low, high, s_0, b_0, q in zip(law.lower, law.upper, law.s_0, law.b_0, law.q, strict=True):
-        slope, bend = (
-            xi - b_0 - q * (v - s_0),
-            q + w,
-        )  # (slope − bend·x)x in x = s − v; unbounded pieces have q ≥ 0
-        inside = np.clip(slope / np.where(bend > 0.0, 2.0 * bend, np.inf), low - v, high - v)
-        for x in (inside, *(end - v for end in (low, high) if np.isfinite(end))):
-            np.maximum(worst, (slope - bend * x) * x, out=worst)
-    return worst
+        # (slope − curvature·x) x with x = s − v; unbounded pieces have q ≥ 0
+        slope = xi - b_0 - q * (v - s_0)
+        curvature = q + w
+        vertex = slope / np.where(curvature > 0.0, 2.0 * curvature, np.inf)
+        candidates = [np.clip(vertex, low - v, high - v)]
+        candidates += [end - v for end in (low, high) if np.isfinite(end)]
+        for x in candidates:
+            np.maximum(suprema, (slope - curvature * x) * x, out=suprema)
+    return suprema

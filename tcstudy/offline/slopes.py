@@ -42,7 +42,7 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What a number changes of the whole body.
+    """Derivatives of the load and of the stiffness of the whole body by a number p.
 
     load: (2n,) ∂l/∂p in x and y;  held: (2n,) ∂w_D/∂p in local rows
     moduli, springs: of ∂A/∂p;  theta_mean: ∂(mean θ)/∂p
@@ -56,70 +56,80 @@ class Change:
 
 
 def is_load(path: tuple[str, ...]) -> bool:
-    """Whether it is the load alone that a number changes, and is affine in it."""
-    return (
-        path[0] in ("load", "loads", "heat", "boundary")
-        and path[-1] != "alpha"
-        and path[-2:-1] != ("spring",)
-    )
+    """Return whether a number changes the load alone, which is affine in it."""
+    if path[-1] == "alpha" or path[-2:-1] == ("spring",):
+        return False
+    return path[0] in ("load", "loads", "heat", "boundary")
 
 
 def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
-    """∂A/∂p, ∂l/∂p and ∂w_D/∂p; none for a number of a law. Raises KeyError for a number that there
-    is not."""
-    path, none = by.path, np.zeros(2 * level.mesh.n_points)
-    load, mean, heat = none, 0.0, level.temperatures
+    """Return ∂A/∂p, ∂l/∂p and ∂w_D/∂p, all zero for a number of a law.
 
-    def heated(put_in: Array) -> tuple[Array, float]:
-        """The load and the mean of the temperature that heat at the nodes (n,) makes."""
-        theta = heat.response(scene, put_in)
-        loads = (
-            own.beta * level.elastic.expansion(theta, where)
-            for where, own in scene.pieces
-            if own.beta != 0.0
-        )
-        return np.asarray(sum(loads, none)), heat.mean_of(theta)
-
+    Raises KeyError for a number that the scene does not have.
+    """
+    path = by.path
+    none = np.zeros(2 * level.mesh.n_points)
     if path[0] in ("friction", "history"):
         return Change(none, none)
     if path[0] in ("material", "materials"):
-        where, own = next(
-            one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],)
-        )
-        one = own.with_number(stepped(getattr(own, path[-1])), path[-1])
-        lam, mu, beta, k = map(derivative, (one.lam, one.mu, one.beta, one.k))
-        if beta:
-            load = beta * level.elastic.expansion(level.temperature(scene).theta, where)
-        if k and scene.heat.theta is None and scene.conducts:
-            more, mean = heated(
-                -(level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta)
-            )
-            load = load + more
-        return Change(load, none, ((where, lam, mu),) if lam or mu else (), (), mean)
+        return _material_change(level, scene, path)
     if path[-2:-1] == ("spring",):
-        return Change(
-            none,
-            none,
-            (),
-            ((path[1], float(path[-1] == "normal"), float(path[-1] == "tangential")),),
-        )
+        stiffness = (path[1], float(path[-1] == "normal"), float(path[-1] == "tangential"))
+        return Change(none, none, springs=(stiffness,))
     if path[-1] == "alpha":
-        # of one edge, or of all without an α of their own
-        others = (
-            name
-            for name, role in scene.boundary
-            if exchanges(role) and not (role.heat and role.heat.alpha)
-        )
-        load, mean = heated(
-            heat.exchanged(scene, (path[1],) if path[0] == "boundary" else tuple(others))
-        )
+        edges: tuple[str, ...] = (path[1],)
+        if path[0] != "boundary":
+            edges = _edges_without_alpha(scene)
+        load, mean = _heated(level, scene, level.temperatures.exchanged(scene, edges))
         return Change(load, none, theta_mean=mean)
     factor = scene.load if path[-1] in FACTORED else 1.0
-    whole = loaded_by(scene.unscaled or scene, loads=True)
-    linear = whole if path == ("load",) else path_scene(loaded_by(scene), path, factor)
+    unscaled = loaded_by(scene.unscaled or scene, loads=True)
+    linear = unscaled if path == ("load",) else path_scene(loaded_by(scene), path, factor)
+    mean = 0.0
     if path[0] == "heat" or linear.heat_by_edge:
         mean = level.temperature(linear).mean if scene.material.expands else float("nan")
     return Change(level.load(linear), level.frames_of(linear.boundary).values, theta_mean=mean)
+
+
+def _material_change(level: Level, scene: Scene, path: tuple[str, ...]) -> Change:
+    """Return the change by a number of the body's material, or of that of a region."""
+    region, name = path[1:2], path[-1]
+    where, material = scene.pieces[0]
+    if path[0] == "materials":
+        where, material = next(piece for piece in scene.pieces if piece[0] == region)
+    stepped_material = material.with_number(stepped(getattr(material, name)), name)
+    lam, mu, beta, k = (
+        derivative(getattr(stepped_material, symbol)) for symbol in ("lam", "mu", "beta", "k")
+    )
+    none = np.zeros(2 * level.mesh.n_points)
+    load, mean = none, 0.0
+    if beta:
+        load = beta * level.elastic.expansion(level.temperature(scene).theta, where)
+    if k and scene.heat.theta is None and scene.conducts:
+        conduction = level.elastic.conduction(((where, 1.0),))
+        heated_load, mean = _heated(level, scene, -(conduction @ level.temperature(scene).theta))
+        load = load + heated_load
+    moduli = ((where, lam, mu),) if lam or mu else ()
+    return Change(load, none, moduli, theta_mean=mean)
+
+
+def _heated(level: Level, scene: Scene, heat: Array) -> tuple[Array, float]:
+    """Return the load and the mean of the temperature that heat at the nodes (n,) causes."""
+    theta = level.temperatures.response(scene, heat)
+    load = np.zeros(2 * level.mesh.n_points)
+    for where, material in scene.pieces:
+        if material.beta != 0.0:
+            load = load + material.beta * level.elastic.expansion(theta, where)
+    return load, level.temperatures.mean_of(theta)
+
+
+def _edges_without_alpha(scene: Scene) -> tuple[str, ...]:
+    """Return the edges that exchange heat with the α of the section `heat`."""
+    return tuple(
+        edge
+        for edge, role in scene.boundary
+        if exchanges(role) and not (role.heat and role.heat.alpha)
+    )
 
 
 @dataclass(frozen=True)
@@ -132,33 +142,35 @@ class WholeBody:
 
     @cached_property
     def u(self) -> Array:
-        """(2n,) the displacement in x and y."""
+        """Return the displacement (2n,) in x and y."""
         return self.level.displacement(self.scene, self.v)
 
     def right_side(self, change: Change) -> Array:
-        """(m,) ∂l̃/∂p − (∂Ã/∂p) v."""
+        """Return ∂l̃/∂p − (∂Ã/∂p) v (m,)."""
         level, load = self.level, change.load
         if change.moduli or change.springs:
             load = load - self._times(change, self.u)
         if np.any(change.held):
             load = load - level.stiffness_times(self.scene, level.frames.cartesian(change.held))
-        return level.condensed_of(self.scene, load) if np.any(load) else np.zeros(level.line.m)
+        if not np.any(load):
+            return np.zeros(level.line.m)
+        return level.condensed_of(self.scene, load)
 
     def energy(self, change: Change) -> float:
-        """∂/∂p of the energy but for that of friction, v being kept [J/m per unit of p]."""
+        """Return ∂/∂p of the energy without friction at constant v [J/m per unit of p]."""
         u = self.u
-        found = 0.5 * float(u @ self._times(change, u)) - float(change.load @ u)
+        slope = 0.5 * float(u @ self._times(change, u)) - float(change.load @ u)
         if np.any(change.held):
-            found += float(self._reaction @ change.held)
-        return found
+            slope += float(self._reaction @ change.held)
+        return slope
 
     @cached_property
     def _reaction(self) -> Array:
-        """(2n,) Aû − l in local rows."""
+        """Return Aû − l (2n,) in local rows."""
         return self.level.frames.local(self.level.reactions(self.scene, self.u))
 
     def lambda_1(self, change: Change) -> float:
-        """∂λ₁/∂p; NaN where λ₁ is a double eigenvalue."""
+        """Return ∂λ₁/∂p, NaN where λ₁ is a double eigenvalue."""
         if not change.moduli and not change.springs:
             return 0.0
         (first, second), x = self._least
@@ -169,7 +181,7 @@ class WholeBody:
 
     @cached_property
     def _least(self) -> tuple[Array, Array]:
-        """λ₁ and the next eigenvalue, and the eigenvector x (m,) with xᵀCx = 1."""
+        """Return λ₁ with the next eigenvalue, and the eigenvector x (m,) with xᵀCx = 1."""
         problem = self.level.condensed(self.scene).problem
         last = min(1, problem.m - 1)
         values, vectors = scipy.linalg.eigh(
@@ -178,19 +190,18 @@ class WholeBody:
         return np.append(values, np.inf)[:2], vectors[:, 0]
 
     def _times(self, change: Change, u: Array) -> Array:
-        """(∂A/∂p) u, (2n,) in x and y."""
+        """Return (∂A/∂p) u (2n,) in x and y."""
         return self.level.forces(u, change.moduli, change.springs)
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionSlopes:
-    """Derivatives of friction by a number at the slips v of a solution; 0 where it is no number of
-    a law.
+    """Derivatives of friction by a number, at the slips v of a solution; 0 unless a law has it.
 
-    b:      (m,) ∂b/∂p;  kinks: (m,) of those on which nodes rest
-    energy: of Σ c_i j_i, and of what nodes that rest on a moving kink do [J/m per unit of p]
-    omega:  of the law that falls most; NaN at a down-jump, where several fall as much and do not agree, and where that
-            is the law of a joint alone
+    b:      (m,) ∂b/∂p;  kinks: (m,) derivatives of the kinks at which nodes stick
+    energy: derivative of Σ c_i j_i, with that of nodes that stick at a moving kink [J/m per unit of p]
+    omega:  derivative of the largest ω; NaN at a down-jump, where laws of equal ω do not agree, and
+            where the law of a joint alone has it
     """
 
     b: Array
@@ -200,40 +211,43 @@ class FrictionSlopes:
 
 
 def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> FrictionSlopes:
-    """Of a node that rests on a kink, v = κ(p): with b on the inner side of κ its energy has c
-    (∂j/∂p + b κ′) − ξ κ′.
+    """Return the derivatives of friction by a number at a solution.
 
+    A node that sticks at a kink has v = κ(p): with b on the inner side of κ, its energy changes by
+    c (∂j/∂p + b κ′) − ξ κ′.
     Raises KeyError where no law has the parameter.
     """
-    b, kinks, energy, c = np.zeros(len(at.v)), np.zeros(len(at.v)), 0.0, at.problem.c
+    c = at.problem.c
+    b, kinks, energy = np.zeros(len(at.v)), np.zeros(len(at.v)), 0.0
     if by.path[0] != "friction":
         return FrictionSlopes(b, kinks)
-    falls: list[tuple[float, float]] = []
-    for law, nodes, factor, named in _laws(level, scene, by.path):
-        most, change = float(np.max(factor, initial=0.0)), 0.0
-        if named:
+    softening: list[tuple[float, float]] = []  # ω of each law and its derivative
+    for law, nodes, factor, has_parameter in _laws(level, scene, by.path):
+        largest_factor, omega_slope = float(np.max(factor, initial=0.0)), 0.0
+        if has_parameter:
             slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
             b[nodes] += factor * slopes.value(s, law.piece(s))
             if len(law.kinks):
-                kinks[nodes] += np.where(law.locate(s).on, slopes.kinks[law.nearest_kink(s)], 0.0)
+                kink_slopes = slopes.kinks[law.nearest_kink(s)]
+                kinks[nodes] += np.where(law.locate(s).on, kink_slopes, 0.0)
             energy += float(np.sum(c[nodes] * factor * slopes.potential(s)))
-            change = most * slopes.omega()
-        falls.append((most * law.omega if law.omega else 0.0, change))
+            omega_slope = largest_factor * slopes.omega()
+        softening.append((largest_factor * law.omega if law.omega else 0.0, omega_slope))
     if np.any(kinks[at.rest]):
         law = at.problem.law
         inner = np.where(at.v > 0.0, *law.limits(law.nearest_kink(at.v)))
         energy += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.rest].sum())
-    largest = max(fall for fall, _ in falls)
+    largest = max(omega for omega, _ in softening)
     if not np.isfinite(largest) or abs(largest - level.law(scene).omega) > 1e-9 * largest:
         return FrictionSlopes(b, kinks, energy, float("nan"))
-    found = np.array([change for fall, change in falls if fall >= largest * (1.0 - 1e-9)])
-    return FrictionSlopes(b, kinks, energy, agreed(found))
+    slopes_of_largest = [slope for omega, slope in softening if omega >= largest * (1.0 - 1e-9)]
+    return FrictionSlopes(b, kinks, energy, agreed(np.array(slopes_of_largest)))
 
 
 def _laws(
     level: Level, scene: Scene, path: tuple[str, ...]
 ) -> Iterator[tuple[Laws, Index, Array, bool]]:
-    """(law, its nodes, its factor in their laws, whether the parameter belongs to it)."""
+    """Yield each law, its nodes, its factor there, and whether it has the parameter."""
     friction, line = scene.friction, level.line
     if isinstance(friction, Laws):
         yield friction, np.arange(line.m, dtype=np.intp), np.ones(line.m), True
