@@ -1,5 +1,5 @@
-"""Numbers of a solved point: by law along Γ_C, forces of edges and sections, what else a study asks
-for.
+"""Results of a solved point: lengths by law along Γ_C, forces of edges and sections, and requested
+quantities.
 
 Lengths:    u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its
             law is (s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`)
@@ -41,108 +41,113 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level, mechanical_terms
 from tcstudy.scene.records import Clamped, Contact, Free, Scene
-from tcstudy.scene.study import OutputPlan
+from tcstudy.scene.study import OutputPlan, Probe
 
 Array = NDArray[np.float64]
 EQUAL = 1e-9
-"""Relative difference of two tractions that are one, as on a plateau of b: the first of them
-counts."""
+"""Relative difference up to which tractions count as equal, as on a plateau of b."""
 
 
 def line_numbers(
     level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi: Array
 ) -> dict[str, Array]:
-    """(P,) by name: `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's
-    laws have none; and (P, h) `held_u_T` of held ends [m].
+    """Return results (P,) along the contact line by name.
+
+    They are `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's laws
+    have no such region, and `held_u_T` (P, h) of held ends [m]. The first of equal tractions counts.
 
     laws: of rows (P, 1) or (P, m);  v, xi: (P, m) slips [m] and tractions [Pa]
     """
-    given = {id(scene.boundary): scene for scene in scenes}
-    slips = {key: level.held_slips(scene) for key, scene in given.items()}
+    scene_of_boundary = {id(scene.boundary): scene for scene in scenes}
+    slips = {key: level.held_slips(scene) for key, scene in scene_of_boundary.items()}
     held = np.array([slips[id(scene.boundary)] for scene in scenes])
-    found = region_lengths(level, laws, v, held) | ({"held_u_T": held} if held.size else {})
-    slipping, size = np.where(laws.kind(laws.locate(v)) == UP, 0.0, level.line.c), np.abs(xi)
-    most = np.max(size, axis=1)
-    return found | {
-        "slip_length": np.where(
-            np.isnan(found.get("breathing_length", np.nan)), np.nan, slipping.sum(axis=1)
-        ),
-        "shear_max": most,
-        "shear_max_at": level.line.arclength[
-            np.argmax(size >= (1.0 - EQUAL) * most[:, None], axis=1)
-        ],
+    results = region_lengths(level, laws, v, held)
+    if held.size:
+        results["held_u_T"] = held
+    slipping = np.where(laws.kind(laws.locate(v)) == UP, 0.0, level.line.c)
+    has_no_slip = np.isnan(results.get("breathing_length", np.nan))
+    shear = np.abs(xi)
+    largest = np.max(shear, axis=1)
+    first_largest = np.argmax(shear >= (1.0 - EQUAL) * largest[:, None], axis=1)
+    return results | {
+        "slip_length": np.where(has_no_slip, np.nan, slipping.sum(axis=1)),
+        "shear_max": largest,
+        "shear_max_at": level.line.arclength[first_largest],
     }
 
 
 def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str, Array]:
-    """(P,) lengths by name [m]. laws: of rows (P, 1) or (P, m)
+    """Return lengths (P,) of the regions of the laws along Γ_C by name [m].
 
+    laws: of rows (P, 1) or (P, m)
     held: (P, h) slips of the held ends of segments, NaN for that of the node beside it
     """
-    line, index, by_node = level.line, laws.index, laws.index.shape[1] > 1
-    length, loose = line.lengths, line.unknowns < 0
-    ends = v[:, np.where(loose, line.own_law, line.unknowns)]
-    ends[:, loose] = np.where(np.isnan(held), ends[:, loose], held)
+    line, index = level.line, laws.index
+    by_node = laws.index.shape[1] > 1
+    lengths, is_held = line.lengths, line.unknowns < 0
+    ends = v[:, np.where(is_held, line.own_law, line.unknowns)]
+    ends[:, is_held] = np.where(np.isnan(held), ends[:, is_held], held)
     first, second = ends[..., 0], ends[..., 1]
     if by_node:
         middle = 0.5 * (first + second)
         first, second = np.hstack([first, middle]), np.hstack([middle, second])
-        length, index = np.tile(0.5 * length, 2), index[:, line.own_law.T.ravel()]
+        lengths = np.tile(0.5 * lengths, 2)
+        index = index[:, line.own_law.T.ravel()]
     low, high = np.minimum(first, second), np.maximum(first, second)
-    resting = low == high
-    # what rests on an up-jump is in no region
-    size = length * ~(resting & (laws.kind(laws.locate(low, index)) == UP))
-    change = np.any(np.diff(laws.regions, axis=1) != 0, axis=0)  # breakpoints between regions
-    kinks, regions = laws.kinks[:, change][index], laws.regions[:, np.append(change, True)][index]
-    width = np.where(resting, 1.0, high - low)[..., None]
-    below = np.where(
-        resting[..., None],
-        kinks >= high[..., None],
-        np.clip((kinks - low[..., None]) / width, 0.0, 1.0),
-    )
-    parts = size[..., None] * np.diff(
-        below, axis=-1, prepend=0.0, append=1.0
-    )  # (P, s, pieces) of every segment
-    # a joint has its edges' laws
-    known, found = (
-        laws.index if not by_node else np.delete(laws.index, line.joints.node, axis=1),
-        dict[str, Array](),
-    )
-    for k in np.unique(laws.regions):
-        has = np.any(laws.regions == k, axis=1)[known].any(axis=1)
-        if k != BARE and np.any(has):
-            total = np.sum(parts, axis=(1, 2), where=regions == k)
-            found[f"{REGIONS[k]}_length"] = np.where(has, total, np.nan)
-    sticks = np.any(laws.kinds == UP, axis=1)[known].any(axis=1)
-    if np.any(sticks):
-        slips = ((first != 0.0) | (second != 0.0)) @ length
-        found["breathing_length"] = np.where(sticks, slips, np.nan)
-    return found
+    uniform = low == high
+    # what sticks at an up-jump is in no region
+    sticks = uniform & (laws.kind(laws.locate(low, index)) == UP)
+    counted_lengths = lengths * ~sticks
+    changes = np.any(np.diff(laws.regions, axis=1) != 0, axis=0)  # breakpoints between regions
+    kinks = laws.kinks[:, changes][index]
+    regions = laws.regions[:, np.append(changes, True)][index]
+    width = np.where(uniform, 1.0, high - low)[..., None]
+    linear_share = np.clip((kinks - low[..., None]) / width, 0.0, 1.0)
+    share_below = np.where(uniform[..., None], kinks >= high[..., None], linear_share)
+    shares = np.diff(share_below, axis=-1, prepend=0.0, append=1.0)
+    parts = counted_lengths[..., None] * shares  # (P, s, pieces)
+    # a node at a joint has a composed law; those of its edges count
+    law_numbers = np.delete(laws.index, line.joints.node, axis=1) if by_node else laws.index
+    results = dict[str, Array]()
+    for region in np.unique(laws.regions):
+        has_region = np.any(laws.regions == region, axis=1)[law_numbers].any(axis=1)
+        if region != BARE and np.any(has_region):
+            total = np.sum(parts, axis=(1, 2), where=regions == region)
+            results[f"{REGIONS[region]}_length"] = np.where(has_region, total, np.nan)
+    can_stick = np.any(laws.kinds == UP, axis=1)[law_numbers].any(axis=1)
+    if np.any(can_stick):
+        slip_lengths = ((first != 0.0) | (second != 0.0)) @ lengths
+        results["breathing_length"] = np.where(can_stick, slip_lengths, np.nan)
+    return results
 
 
 def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, float]:
-    """`debonded_from`, `debonded_to`: arclengths between which a bond is debonded whose nodes have
-    slipped by up to kappa (m,), linear between them; NaN where it is nowhere, nothing for a law
-    that never has fallen [m].
+    """Return the arclengths `debonded_from` and `debonded_to` of the debonded part of a bond [m].
+
+    They are NaN where nothing is debonded; the dictionary is empty for a law without such a branch.
+
+    kappa: (m,) largest slips of the nodes so far, linear between them [m]
     """
     table, m = law.tables, line.m
     debonded = (table.regions == DEBONDED) & (table.lower >= 0.0)
     if not np.any(debonded):
         return {}
-    beyond = kappa - np.min(np.where(debonded, table.lower, np.inf), axis=1)[law.node_index(m)]
-    at, x = np.flatnonzero(beyond >= 0.0), line.arclength
-
-    def passed(node: int, other: int, end: float) -> float:
-        if not 0 <= other < m:
-            return end
-        return float(x[node] + beyond[node] / (beyond[node] - beyond[other]) * (x[other] - x[node]))
-
-    if not len(at):
+    limit = np.min(np.where(debonded, table.lower, np.inf), axis=1)
+    beyond = kappa - limit[law.node_index(m)]
+    nodes, x = np.flatnonzero(beyond >= 0.0), line.arclength
+    if not len(nodes):
         return {"debonded_from": np.nan, "debonded_to": np.nan}
-    whole = float(line.lengths.sum())
+
+    def front(node: int, neighbour: int, line_end: float) -> float:
+        if not 0 <= neighbour < m:
+            return line_end
+        share = beyond[node] / (beyond[node] - beyond[neighbour])
+        return float(x[node] + share * (x[neighbour] - x[node]))
+
+    first, last = nodes[0], nodes[-1]
     return {
-        "debonded_from": passed(at[0], at[0] - 1, 0.0),
-        "debonded_to": passed(at[-1], at[-1] + 1, whole),
+        "debonded_from": front(first, first - 1, 0.0),
+        "debonded_to": front(last, last + 1, float(line.lengths.sum())),
     }
 
 
@@ -151,189 +156,223 @@ STRAIGHT = 1e-9
 
 
 def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
-    """(2, n) force of every edge that holds or touches the body on its nodes, r = Au + Su − l_θ
-    there [N/m].
+    """Return the nodal forces (2, n) of clamped and contact edges, Au + Su − l_θ there [N/m].
 
     A node where two of them meet counts to the first, clamped before contact.
     """
-    rest, taken, found = (
-        level.reactions(scene, u).reshape(2, -1),
-        np.zeros(level.mesh.n_points, dtype=bool),
-        {},
-    )
+    reactions = level.reactions(scene, u).reshape(2, -1)
+    counted = np.zeros(level.mesh.n_points, dtype=bool)
+    forces = dict[str, Array]()
     for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
         if isinstance(role, Clamped | Contact):
-            own = np.isin(np.arange(len(taken)), level.mesh.nodes_on(name)) & ~taken
-            taken |= own
-            found[name] = np.where(own, rest, 0.0)
-    return found
+            on_edge = np.isin(np.arange(len(counted)), level.mesh.nodes_on(name))
+            forces[name] = np.where(on_edge & ~counted, reactions, 0.0)
+            counted |= on_edge
+    return forces
 
 
 def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
-    """(2, n) force of every edge on the nodes, without those of free edges [N/m]; u (2n,) [m]"""
-    found = support_forces(level, scene, u)
+    """Return the nodal forces (2, n) of every edge that is not free [N/m].
+
+    u: (2n,) displacement [m]
+    """
+    forces = support_forces(level, scene, u)
     for name, role in scene.boundary:
-        if not isinstance(role, Free):
-            own = -level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
-            own += sum(
-                factor * level.vector(load)
-                for load, factor in mechanical_terms((0.0, 0.0), ((name, role),))
-            )
-            found[name] = found.get(name, 0.0) + own.reshape(2, -1)
-    return found
+        if isinstance(role, Free):
+            continue
+        springs = ((name, *role.spring),) if any(role.spring) else ()
+        force = -level.forces(u, (), springs)
+        terms = mechanical_terms((0.0, 0.0), ((name, role),))
+        force += sum(factor * level.vector(load) for load, factor in terms)
+        forces[name] = forces.get(name, 0.0) + force.reshape(2, -1)
+    return forces
 
 
 def section_force(
     level: Level, scene: Scene, u_T: Array, sigma: Array
 ) -> tuple[Array, dict[str, Array], Array] | None:
-    """N at the nodes of Γ_C, held ones included (s + 1,), of the body and of layers by region
-    [N/m]; arc lengths [m].
+    """Return N (s + 1,) at the nodes of Γ_C, of the body and by layer [N/m], and arc lengths [m].
 
-    u_T: (m,) [m];  sigma: (t, 4) stress [Pa]. None for a line that bends.
+    Held nodes are included; layers are regions with a material of their own. None for a line that
+    bends.
+
+    u_T: (m,) [m];  sigma: (t, 4) stress [Pa]
     """
-    line, mesh, h = level.line, level.mesh, level.line.lengths
-    along = (line.ends[:, 1] - line.ends[:, 0]) / h[:, None]
-    chain = np.array_equal(line.segments[1:, 0], line.segments[:-1, 1])
-    if not chain or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT:
+    line, mesh = level.line, level.mesh
+    lengths = line.lengths
+    tangents = (line.ends[:, 1] - line.ends[:, 0]) / lengths[:, None]
+    tangent = tangents[0]
+    is_chain = np.array_equal(line.segments[1:, 0], line.segments[:-1, 1])
+    sines = tangents @ [tangent[1], -tangent[0]]
+    if not is_chain or np.abs(sines).max() > STRAIGHT:
         return None
-    xi, at = level.condensed(scene).problem.xi(u_T), np.concatenate([[0.0], np.cumsum(h)])
-    density = (xi / line.c)[np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)]
-    s = (mesh.points - line.ends[0, 0]) @ along[0]
-    k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(h) - 1)
-    share = np.clip((at[k + 1] - s) / h[k], 0.0, 1.0)
-    friction = np.concatenate([[0.0], np.cumsum(0.5 * h * density.sum(axis=1))])
+    xi = level.condensed(scene).problem.xi(u_T)
+    node_at = np.concatenate([[0.0], np.cumsum(lengths)])
+    unknowns = np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)
+    traction = (xi / line.c)[unknowns]
+    friction = np.concatenate([[0.0], np.cumsum(0.5 * lengths * traction.sum(axis=1))])
+    s = (mesh.points - line.ends[0, 0]) @ tangent
+    segment = np.clip(np.searchsorted(node_at, s, side="right") - 1, 0, len(lengths) - 1)
+    share = np.clip((node_at[segment + 1] - s) / lengths[segment], 0.0, 1.0)
 
-    def sections(nodal: Array, rubs: bool) -> Array:
-        """N of forces (2, n) on nodes; rubs: whether friction is among them, which acts along the
-        cells."""
-        force = along[0] @ nodal
-        if rubs:
+    def section_forces(nodal: Array, with_friction: bool) -> Array:
+        """Return N of nodal forces (2, n); friction, if among them, acts along the cells."""
+        force = tangent @ nodal
+        if with_friction:
             force[line.nodes] += xi
-        before = np.cumsum(np.bincount(k, force, len(h))) - np.bincount(k, force, len(h))
-        rest = -before - np.bincount(k, force * share, len(h))  # between the ends of every segment
-        middle = 0.5 * (at[1:] + at[:-1])
-        if len(h) > 1:  # at the ends of the line it goes on as it begins
-            slopes = (np.diff(rest) / np.diff(middle))[[0, -1]]
-            ends = [rest[0] - slopes[0] * middle[0]], [rest[-1] + slopes[1] * (at[-1] - middle[-1])]
-            rest, middle = (
-                np.concatenate([ends[0], rest, ends[1]]),
-                np.concatenate([[0.0], middle, at[-1:]]),
-            )
-        return np.interp(at, middle, rest) + (friction if rubs else 0.0)
+        in_segment = np.bincount(segment, force, len(lengths))
+        before = np.cumsum(in_segment) - in_segment
+        N = -before - np.bincount(segment, force * share, len(lengths))  # means of the segments
+        middle = 0.5 * (node_at[1:] + node_at[:-1])
+        if len(lengths) > 1:  # linear extrapolation to the ends of the line
+            slopes = (np.diff(N) / np.diff(middle))[[0, -1]]
+            first = N[0] - slopes[0] * middle[0]
+            last = N[-1] + slopes[1] * (node_at[-1] - middle[-1])
+            N = np.concatenate([[first], N, [last]])
+            middle = np.concatenate([[0.0], middle, node_at[-1:]])
+        return np.interp(node_at, middle, N) + (friction if with_friction else 0.0)
 
-    contact = mesh.owner[mesh.on(*scene.edges(Contact))]
-    pulled, found = (
-        np.einsum(
-            "tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes
-        ),
-        {},
-    )
-    for name in (
-        "",
-        *(name for name, _ in scene.material.regions),
-    ):  # the body, regions with a material of their own
-        nodal, own = np.zeros((2, mesh.n_points)), mesh.inside((name,) if name else ())
-        np.add.at(nodal.T, mesh.triangles[own], pulled[own])
-        found[name] = sections(nodal, bool(own[contact].all()))
-    return found.pop(""), found, at
+    contact_triangles = mesh.owner[mesh.on(*scene.edges(Contact))]
+    stress = sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None]
+    corner_forces = np.einsum("tij,tkj->tki", stress, mesh.slopes)
+    results = dict[str, Array]()
+    for region in ("", *(name for name, _ in scene.material.regions)):  # "": the whole body
+        nodal = np.zeros((2, mesh.n_points))
+        inside = mesh.inside((region,) if region else ())
+        np.add.at(nodal.T, mesh.triangles[inside], corner_forces[inside])
+        results[region] = section_forces(nodal, bool(inside[contact_triangles].all()))
+    return results.pop(""), results, node_at
 
 
-OUTSIDE = 0.1
-"""How far outside all triangles a point may lie, in barycentric coordinates: between a chord and
-its arc, say."""
+MAX_OUTSIDE = 0.1
+"""Largest distance of a point outside all triangles, in barycentric coordinates; between a chord and
+its arc, for example."""
 
 
 @dataclass(frozen=True)
 class RequestedOutputs:
-    """What a study asks for, on one level."""
+    """The requested quantities of a study on one level."""
 
     level: Level
     output: OutputPlan
 
     def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
-        """The numbers by variable name (data.schema) at a solution u_T (m,) of a scene; N is
-        (m,)."""
-        level, wanted, mesh, found = (
-            self.level,
-            self.output.quantities,
-            self.level.mesh,
-            dict[str, Any](),
-        )
-        u, warm = level.displacement(scene, u_T), scene.material.expands
-        theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)
-        stressed = self.output.probes or {"von_mises", "section_force"} & {*wanted}
-        sigma = self._stress(scene, u, theta) if stressed else None
-        if sigma is not None:
-            found |= self._probes(u, theta if warm else theta + np.nan, sigma)
-            if "von_mises" in wanted:
-                xx, yy, xy, zz = sigma.T
-                size = np.sqrt(
-                    0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2
-                )
-                x, y = mesh.corners[worst := int(np.argmax(size))].mean(axis=0)
-                found |= {
-                    "von_mises_max": float(size[worst]),
-                    "von_mises_x": float(x),
-                    "von_mises_y": float(y),
-                }
-        for kind, forces in (("reaction", support_forces), ("force", edge_forces)):
-            for name, force in forces(level, scene, u).items() if f"{kind}s" in wanted else ():
-                x, y = force.sum(axis=1)
-                found |= {f"{kind}_{name}_x": float(x), f"{kind}_{name}_y": float(y)}
-                found |= {f"work_{name}": float(force.ravel() @ u)} if kind == "force" else {}
-        if (
-            "section_force" in wanted
-            and sigma is not None
-            and (section := section_force(level, scene, u_T, sigma))
-        ):
-            N, layers, at = section
-            most = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
-            free = np.append(level.line.unknowns[:, 0], level.line.unknowns[-1, 1]) >= 0
-            found |= {
-                "section_force_max": float(N[most]),
-                "section_force_at": float(at[most]),
-                "section_force": N[free],
-            }
-            found |= {f"layer_force_{name}": of_layer[free] for name, of_layer in layers.items()}
-        for name, _ in scene.boundary if "theta_edges" in wanted and warm else ():
+        """Return the requested variables by name (data.schema) at a solution u_T (m,) of a scene.
+
+        All are numbers but N, which is (m,).
+        """
+        level, quantities = self.level, self.output.quantities
+        u = level.displacement(scene, u_T)
+        is_warm = scene.material.expands
+        theta = np.zeros(level.mesh.n_points)
+        if is_warm:
+            theta = level.temperature(scene).theta
+        variables = dict[str, Any]()
+        if self.output.probes or {"von_mises", "section_force"} & {*quantities}:
+            sigma = self._stress(scene, u, theta)
+            for probe in self.output.probes:
+                variables |= self._probe_values(probe, u, theta if is_warm else None, sigma)
+            if "von_mises" in quantities:
+                variables |= self._von_mises(sigma)
+        if "reactions" in quantities:
+            for name, force in support_forces(level, scene, u).items():
+                variables |= _resultant(f"reaction_{name}", force)
+        if "forces" in quantities:
+            for name, force in edge_forces(level, scene, u).items():
+                variables |= _resultant(f"force_{name}", force)
+                variables[f"work_{name}"] = float(force.ravel() @ u)
+        if "section_force" in quantities:
+            variables |= self._section_forces(scene, u_T, sigma)
+        if "theta_edges" in quantities and is_warm:
+            variables |= self._edge_means(scene, theta)
+        return variables
+
+    def _von_mises(self, sigma: Array) -> dict[str, float]:
+        xx, yy, xy, zz = sigma.T
+        normal_part = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
+        von_mises = np.sqrt(0.5 * normal_part + 3.0 * xy**2)
+        triangle = int(np.argmax(von_mises))
+        x, y = self.level.mesh.corners[triangle].mean(axis=0)
+        return {
+            "von_mises_max": float(von_mises[triangle]),
+            "von_mises_x": float(x),
+            "von_mises_y": float(y),
+        }
+
+    def _section_forces(self, scene: Scene, u_T: Array, sigma: Array) -> dict[str, Any]:
+        """Return the section forces of the body and its layers, nothing for a line that bends."""
+        section = section_force(self.level, scene, u_T, sigma)
+        if section is None:
+            return {}
+        N, layers, arclength = section
+        largest = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
+        unknowns = self.level.line.unknowns
+        is_free = np.append(unknowns[:, 0], unknowns[-1, 1]) >= 0
+        variables: dict[str, Any] = {
+            "section_force_max": float(N[largest]),
+            "section_force_at": float(arclength[largest]),
+            "section_force": N[is_free],
+        }
+        for name, layer_force in layers.items():
+            variables[f"layer_force_{name}"] = layer_force[is_free]
+        return variables
+
+    def _edge_means(self, scene: Scene, theta: Array) -> dict[str, float]:
+        mesh = self.level.mesh
+        means = dict[str, float]()
+        for name, _ in scene.boundary:
             ends = mesh.segments[mesh.on(name)]
-            length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
-            found[f"theta_mean_{name}"] = float(length @ theta[ends].mean(axis=1) / length.sum())
-        return found
+            lengths = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
+            mean = lengths @ theta[ends].mean(axis=1) / lengths.sum()
+            means[f"theta_mean_{name}"] = float(mean)
+        return means
 
     def _stress(self, scene: Scene, u: Array, theta: Array) -> Array:
-        """(t, 4) σ_xx, σ_yy, σ_xy, σ_zz of the triangles [Pa]."""
-        mesh, strain = self.level.mesh, own_strain(self.level.mesh, u)
+        """Return σ_xx, σ_yy, σ_xy, σ_zz (t, 4) of the triangles [Pa]."""
+        mesh = self.level.mesh
+        strain = own_strain(mesh, u)
         lam, mu, beta = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta"))
-        sigma = np.column_stack([stress_of(strain, lam, mu), lam * (strain[:, 0] + strain[:, 1])])
+        sigma_zz = lam * (strain[:, 0] + strain[:, 1])
+        sigma = np.column_stack([stress_of(strain, lam, mu), sigma_zz])
         sigma[:, [0, 1, 3]] -= (beta * theta[mesh.triangles].mean(axis=1))[:, None]
         for where, material in scene.pieces:
             sigma[mesh.inside(where), 3] *= material.plane == "strain"
         return sigma
 
-    def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:
-        line, components, found = self.level.line, u.reshape(2, -1), dict[str, float]()
-        for probe in self.output.probes:
-            inside = self.level.mesh.barycentric(np.array(probe.at))
-            triangle, start = int(np.argmax(inside.min(axis=1))), f"probe_{probe.name}"
-            nodes, weights = self.level.mesh.triangles[triangle], inside[triangle]
-            if weights.min() <= -OUTSIDE:
-                continue
-            at = components[:, nodes] @ weights
-            found |= {
-                f"{start}_u_x": at[0],
-                f"{start}_u_y": at[1],
-                f"{start}_theta": theta[nodes] @ weights,
-            }
-            found |= {
-                f"{start}_sigma_{c}": sigma[triangle, i] for i, c in enumerate(("xx", "yy", "xy"))
-            }
-            if probe.on_contact:
-                # the contact line's ends may be held, so that u_T is that of the segment that is
-                # nearest
-                k, share = line.nearest(probe.at)
-                first, second = components[:, line.segments[k]].T
-                along = line.ends[k, 1] - line.ends[k, 0]
-                value: Array = (1.0 - share) * first + share * second
-                found[f"{start}_u_T"] = float(value @ along) / float(np.hypot(*along))
-        return {name: float(value) for name, value in found.items()}
+    def _probe_values(
+        self, probe: Probe, u: Array, theta: Array | None, sigma: Array
+    ) -> dict[str, float]:
+        """Return u, θ, σ and, on Γ_C, u_T at a probe; nothing for a point outside the mesh."""
+        mesh = self.level.mesh
+        barycentric = mesh.barycentric(np.array(probe.at))
+        triangle = int(np.argmax(barycentric.min(axis=1)))
+        nodes, weights = mesh.triangles[triangle], barycentric[triangle]
+        if weights.min() <= -MAX_OUTSIDE:
+            return {}
+        u_x, u_y = u.reshape(2, -1)[:, nodes] @ weights
+        xx, yy, xy, _ = sigma[triangle]
+        values = {
+            "u_x": u_x,
+            "u_y": u_y,
+            "theta": np.nan if theta is None else theta[nodes] @ weights,
+            "sigma_xx": xx,
+            "sigma_yy": yy,
+            "sigma_xy": xy,
+        }
+        if probe.on_contact:
+            values["u_T"] = self._slip_at(probe, u)
+        return {f"probe_{probe.name}_{name}": float(value) for name, value in values.items()}
+
+    def _slip_at(self, probe: Probe, u: Array) -> float:
+        """Return u_T at a probe, that of the nearest segment: ends of Γ_C may be held."""
+        line = self.level.line
+        segment, share = line.nearest(probe.at)
+        first, second = u.reshape(2, -1)[:, line.segments[segment]].T
+        along = line.ends[segment, 1] - line.ends[segment, 0]
+        displacement: Array = (1.0 - share) * first + share * second
+        return float(displacement @ along) / float(np.hypot(*along))
+
+
+def _resultant(name: str, force: Array) -> dict[str, float]:
+    x, y = force.sum(axis=1)
+    return {f"{name}_x": float(x), f"{name}_y": float(y)}
