@@ -53,10 +53,11 @@ Ratios = tuple[tuple[str, float], ...]
 
 @dataclass(frozen=True)
 class Datum:
-    """What of a heat problem is given.
+    """A datum of the heat problem.
 
-    kind:  "source", density of shape `data` in regions; "flux", the same into edges; "surroundings" at `data`, of
-           edges or of all of Γ_θ; "held", `data` being the temperature of an edge
+    kind:  "source": density of shape `data` in regions;  "flux": the same into edges
+           "surroundings": ambient temperature `data` of edges, or of all of Γ_θ
+           "held": temperature `data` of an edge
     where: names of the regions or edges
     """
 
@@ -70,13 +71,15 @@ class Datum:
 
 
 BATCH = 16
-"""Columns that are carried through a factor together: more cost memory and gain nothing."""
+"""Columns that go through a factor together; more would take memory and save no time."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """Names a field of the heat problem with these relative k and ratios, of which so many are
-    listed at the start."""
+    """The name of a field of the heat problem with these relative k and ratios.
+
+    listed: number of columns that were planned at the start
+    """
 
     k: Conductivity
     ratios: Ratios
@@ -85,11 +88,12 @@ class Column:
 
     @property
     def together(self) -> tuple[Column, ...]:
-        """Those that are computed with this one."""
+        """Return the columns that are computed with this one."""
         if self.number >= self.listed:
             return (self,)
         first = self.number - self.number % BATCH
-        return tuple(replace(self, number=i) for i in range(first, min(first + BATCH, self.listed)))
+        stop = min(first + BATCH, self.listed)
+        return tuple(replace(self, number=number) for number in range(first, stop))
 
 
 Field = Expression | Column | None
@@ -97,74 +101,78 @@ Field = Expression | Column | None
 
 
 def split(scalar: Scalar) -> tuple[Scalar, float]:
-    """A scalar as (shape, factor): numbers become factors of the unit shape 1."""
-    return (scalar, 1.0) if isinstance(scalar, Expression) else (1.0, float(scalar))
+    """Return a scalar as (shape, factor); a number is a factor of the shape 1."""
+    if isinstance(scalar, Expression):
+        return scalar, 1.0
+    return 1.0, float(scalar)
 
 
 def to_digits(ratio: float) -> float:
-    """A ratio to 15 digits, so that numbers that vary together keep it whatever the rounding."""
+    """Return a ratio to 15 digits, which it keeps when both numbers are scaled and rounded."""
     return float(f"{ratio:.14e}")
 
 
 def exchange_level(scene: Scene) -> tuple[float, Ratios]:
-    """α of the edge that exchanges most, and the α of all edges over it, to 15 digits; none where
-    they are equal."""
+    """Return the largest α of the edges, and the ratios of all to it, to 15 digits.
+
+    The ratios are empty where all edges have one α.
+    """
     if not scene.heat_by_edge:
         return scene.heat.alpha, ()
-    alpha = max((own for _, own, _ in scene.exchange), default=0.0)
-    if alpha == 0.0:
-        return alpha, ()
-    ratios = tuple((edge, to_digits(own / alpha)) for edge, own, _ in scene.exchange)
-    return alpha, ratios if any(ratio != 1.0 for _, ratio in ratios) else ()
+    largest = max((alpha for _, alpha, _ in scene.exchange), default=0.0)
+    if largest == 0.0:
+        return largest, ()
+    ratios = tuple((edge, to_digits(alpha / largest)) for edge, alpha, _ in scene.exchange)
+    if all(ratio == 1.0 for _, ratio in ratios):
+        return largest, ()
+    return largest, ratios
 
 
 def heat_shares(scene: Scene) -> tuple[float, list[tuple[Datum, float]]]:
-    """θ of a scene without known temperature: a uniform part [K], and (datum, factor) of what is
-    added to it.
+    """Return a uniform part of θ [K] and the data, with factors, that change it.
 
-    What is constant on all edges is the uniform part: then nothing is solved for it.
+    A temperature that is the same on all edges is the uniform part, for which nothing is solved.
     """
     heat = scene.heat
-    given: list[tuple[Datum, Scalar]] = [(Datum("surroundings", 1.0), heat.theta_bar)]
+    edge_data: list[tuple[Datum, Scalar]] = [(Datum("surroundings", 1.0), heat.theta_bar)]
     if scene.heat_by_edge:
-        given = [(Datum("surroundings", 1.0, (edge,)), bar) for edge, _, bar in scene.exchange]
-        given += [(Datum("held", 1.0, (edge,)), theta) for edge, theta in scene.held_theta]
-    numbers = [value for _, value in given if not isinstance(value, Expression)]
-    uniform = float(numbers[0]) if len(numbers) == len(given) else 0.0
-    given += [(Datum("source", 1.0, heat.omega), heat.q)]
-    given += [(Datum("flux", 1.0, (edge,)), flux) for edge, flux in scene.flux]
-    found = []
-    for datum, value in given:
+        edge_data = [(Datum("surroundings", 1.0, (edge,)), bar) for edge, _, bar in scene.exchange]
+        edge_data += [(Datum("held", 1.0, (edge,)), theta) for edge, theta in scene.held_theta]
+    numbers = [value for _, value in edge_data if not isinstance(value, Expression)]
+    uniform = float(numbers[0]) if len(numbers) == len(edge_data) else 0.0
+    heat_data: list[tuple[Datum, Scalar]] = [(Datum("source", 1.0, heat.omega), heat.q)]
+    heat_data += [(Datum("flux", 1.0, (edge,)), flux) for edge, flux in scene.flux]
+    shares = []
+    for datum, value in edge_data + heat_data:
         shape, factor = split(value)
         if not datum.heats and shape == 1.0:
             factor -= uniform
         if factor != 0.0:
-            found.append((replace(datum, data=shape), factor))
-    return uniform, found
+            shares.append((replace(datum, data=shape), factor))
+    return uniform, shares
 
 
 def relative_k(scene: Scene) -> Conductivity:
-    """k over that of the material of the body, to 15 digits; () where it is the same everywhere."""
+    """Return k over that of the body's material, to 15 digits; () where it is uniform."""
     k = scene.material.k
     if not k or not scene.material.regions:
         return ()
-    return tuple((where, to_digits((own.k or 0.0) / k)) for where, own in scene.pieces)
+    return tuple((where, to_digits((material.k or 0.0) / k)) for where, material in scene.pieces)
 
 
 T = TypeVar("T")
 
 
 class Recent(dict[Hashable, T]):
-    """Values by key, made on demand; all are let go of where the total size would pass `budget`
-    bytes.
+    """A cache of values by key; it is cleared when its size would exceed `budget` bytes.
 
-    Values that are still referenced elsewhere stay alive there: forgetting costs time later, never
-    correctness.
+    A value that was dropped is made again when it is needed.
     """
 
     def __init__(self, budget: float = np.inf, size: Callable[[T], int] = lambda _: 1) -> None:
         super().__init__()
-        self._budget, self._size, self._total = budget, size, 0
+        self._budget, self._size = budget, size
+        self._total = 0
 
     def __setitem__(self, key: Hashable, value: T) -> None:
         self._total += self._size(value)
@@ -180,15 +188,13 @@ class Recent(dict[Hashable, T]):
 
 
 UNSOUND = 1e-11
-"""Error of the harmonic extension of 1 from which fields are refined; 1e6 good triangles stay below
-it."""
-MOST_STEPS = 5
-"""Steps of refinement; one gains as many digits as the factor has right."""
+"""Error of the harmonic extension of 1 from which fields are refined; 1e6 good triangles have less."""
+MAX_REFINEMENTS = 5
+"""Steps of iterative refinement; each gains as many digits as the factor has right."""
 
 
 class HeatFactor:
-    """K for k = 1 factorised with the nodes of Γ_θ kept; solves that keep their digits on
-    slivers."""
+    """K for k = 1, factorised with the nodes of Γ_θ kept; solutions keep their digits on slivers."""
 
     def __init__(self, forms: ElasticForms, kept: NDArray[np.intp], k: Conductivity) -> None:
         self._mesh, self._kept, self._k = forms.mesh, kept, k
@@ -204,71 +210,68 @@ class HeatFactor:
 
     @cached_property
     def sound(self) -> bool:
-        """Whether the factor alone is accurate enough: the harmonic extension of θ = 1 is 1 but for
-        UNSOUND."""
-        return float(np.max(np.abs(self._factor.expand(np.ones(len(self._kept))) - 1.0))) <= UNSOUND
+        """Return whether the harmonic extension of θ = 1 is 1 but for UNSOUND."""
+        ones = self._factor.expand(np.ones(len(self._kept)))
+        return float(np.max(np.abs(ones - 1.0))) <= UNSOUND
 
     def load(self, source: Array) -> tuple[Array, Array]:
-        """A source (n,) condensed onto Γ_θ (r,) [W/m], whose sum is its whole heat, and its field
-        (n,), 0 on Γ_θ."""
+        """Return a source (n,) condensed onto Γ_θ (r,) [W/m], and its field (n,), 0 on Γ_θ.
+
+        The condensed source has the same total heat.
+        """
         rows = self._factor.forward(source)
         theta = self._factor.expand(np.zeros(len(self._kept)), rows)
         if not self.sound:
             correction = self._correction(theta, source)
-            rows, theta = (
-                self._factor.forward(self._rest(source, theta, correction)),
-                theta + correction,
-            )
+            rows = self._factor.forward(self._residual(source, theta, correction))
+            theta = theta + correction
         return self._factor.condensed(rows), theta
 
     def extended(self, on_line: Array) -> Array:
-        """Fields (n, s) without a source that have the values on_line (r, s) on Γ_θ."""
+        """Return fields (n, s) without a source that have the values on_line (r, s) on Γ_θ."""
         fields = self._factor.expand(on_line)
-        return (
-            fields
-            if self.sound
-            else np.column_stack([theta + self._correction(theta, 0.0) for theta in fields.T])
-        )
+        if self.sound:
+            return fields
+        return np.column_stack([theta + self._correction(theta, 0.0) for theta in fields.T])
 
-    def _rest(self, source: Array | float, *fields: Array) -> Array:
-        """source − K Σ fields, all (n,): its sum is that of the source but for rounding of the heat
-        itself."""
-        triangles, corners, rest = (
-            self._mesh.triangles,
-            self._mesh.corners,
-            source + np.zeros(self._mesh.n_points),
-        )
+    def _residual(self, source: Array | float, *fields: Array) -> Array:
+        """Return source − K Σ fields, all (n,); it has the total of the source but for rounding."""
+        triangles, corners = self._mesh.triangles, self._mesh.corners
+        residual = source + np.zeros(self._mesh.n_points)
         e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        jumps: Array = np.sum(
-            [field[triangles[:, 1:]] - field[triangles[:, :1]] for field in fields], axis=0
-        )
-        # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for
-        # all three corners
+        differences = [field[triangles[:, 1:]] - field[triangles[:, :1]] for field in fields]
+        jumps: Array = np.sum(differences, axis=0)
+        # ∇θ d, turned: large numbers cancel here, once, and all three corners get the same heat
         turned = (jumps[:, :1] * f - jumps[:, 1:] * e) / (4.0 * self._mesh.area)[:, None]
         for where, k in self._k:
             turned[self._mesh.inside(where)] *= k
-        for i, side in enumerate((e - f, f, -e)):
-            np.subtract.at(rest, triangles[:, i], np.einsum("td,td->t", side, turned))
-        return rest
+        for corner, side in enumerate((e - f, f, -e)):
+            flow = np.einsum("td,td->t", side, turned)
+            np.subtract.at(residual, triangles[:, corner], flow)
+        return residual
 
     def _correction(self, theta: Array, source: Array | float) -> Array:
-        """What θ (n,) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of
-        its own."""
-        total, before = np.zeros(len(theta)), np.inf
-        for _ in range(MOST_STEPS):
-            rest = self._factor.forward(self._rest(source, theta, total))
-            step = self._factor.expand(np.zeros(len(self._kept)), rest)
+        """Return the error of θ (n,), zero on Γ_θ.
+
+        It is kept apart from θ, because θ + δ, rounded, would have flows of its own.
+        """
+        correction, last_size = np.zeros(len(theta)), np.inf
+        for _ in range(MAX_REFINEMENTS):
+            residual = self._factor.forward(self._residual(source, theta, correction))
+            step = self._factor.expand(np.zeros(len(self._kept)), residual)
             size = float(np.max(np.abs(step), initial=0.0))
-            if not size < 0.5 * before:
+            if not size < 0.5 * last_size:
                 break
-            total += step
-            before = size
-        return total
+            correction += step
+            last_size = size
+        return correction
 
 
 def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
-    """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant, or
-    none so if other nodes of the line are held."""
+    """Return the eigenpairs (μ, W) of Ã w_k = μ_k M w_k with WᵀMW = I.
+
+    held: whether other nodes of the line are held; if not, μ₀ is made exactly 0 and w₀ constant
+    """
     if not len(M):
         return np.zeros(0), np.zeros((0, 0))
     mu, W = scipy.linalg.eigh(A_tilde, M)
@@ -280,14 +283,15 @@ def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
 
 
 ROUNDING = 1e-14
-"""Part of a variation that the columns may miss, relative to the variation (norm of L²(Γ_θ))."""
+"""Largest part of a variation that columns do not span, relative to it in the norm of L²(Γ_θ)."""
 
 
 class Part(NamedTuple):
     """One linear contribution to the temperature.
 
-    fields: factors by field [K];  heat: [W/m] α∫_{Γ_θ}(θ − θ̄) of this part; ∫_ω q, or the integral of the flux; and a
-    bound of the heat that it moves, either way
+    fields: factors by field [K]
+    heat:   α∫_{Γ_θ}(θ − θ̄) of this part; ∫_ω q, or the integral of the flux; and a bound of the heat
+            that flows either way [W/m]
     """
 
     fields: Mapping[Field, float]
@@ -296,19 +300,19 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class _Heated:
-    """What a datum puts in: its right-hand side r₀ + a r₁, and its column.
+    """The right-hand side r₀ + a r₁ of a datum, and its column.
 
     right:   (2, r) r₀ and r₁: l̃ and 0 of a load, 0 and g̃ of surroundings, −S_K θ_D and −M θ_D of what is held
     moments: (2, f) of both in the w_k
-    heat:    that is put in [W/m];  moved: Σ_i |∫ q φ_i| [W/m]
-    own:     the number of the column of the load, or of θ_D; () of surroundings, which have none
+    heat:    total heat input [W/m];  moved: Σ_i |∫ q φ_i| [W/m]
+    columns: the number of the column of the load, or of θ_D; () of surroundings, which have none
     """
 
     right: Array
     moments: Array
     heat: float
     moved: float
-    own: tuple[int, ...]
+    columns: tuple[int, ...]
 
 
 class Conduction:
@@ -321,159 +325,156 @@ class Conduction:
         ratios: Ratios,
         wanted: Mapping[Datum, Mapping[float, None]],
     ) -> None:
-        """wanted: values of α/k that are to come, if known: they say what columns are needed."""
+        """wanted: values of α/k to come by datum, if known; they decide which columns are made."""
         self._body, self._key, self._ratios = body, (k, ratios), dict(ratios)
-        self._free = ~np.isin(
-            body.nodes, body.mesh.nodes_on(*body.held)
-        )  # (r,) temperature is not given
-        S, M, free = (
-            body.factor(k).A_tilde,
-            body.exchange(self._ratios),
-            np.ix_(self._free, self._free),
-        )
+        # (r,) nodes whose temperature is not given
+        self._free = ~np.isin(body.nodes, body.mesh.nodes_on(*body.held))
+        free = np.ix_(self._free, self._free)
+        S, M = body.factor(k).A_tilde, body.exchange(self._ratios)
         self._modes = S, M, *modes(S[free], M[free], not self._free.all())
         """S_K and M (r, r), M weighted by the ratios; μ (f,) and W, WᵀMW = I."""
         self._data: dict[Datum, _Heated] = {}
-        self._columns: list[
-            tuple[Array, Array | float]
-        ] = []  # values on Γ_θ (r,), and the field of a load (n,)
-        self._basis: Array = np.zeros(
-            (len(self._modes[2]), 0)
-        )  # (f, s) variations in the w_k, orthonormal
-        self._numbers: list[int] = []  # (s,) of their columns
-        pairs = [
-            (self._heated(datum), a)
+        # values on Γ_θ (r,), and the field of a load (n,)
+        self._columns: list[tuple[Array, Array | float]] = []
+        # (f, s) variations in the w_k, orthonormal, and the (s,) numbers of their columns
+        self._basis: Array = np.zeros((len(self._modes[2]), 0))
+        self._numbers: list[int] = []
+        variations = [
+            self._variation(self._heated(datum), a)
             for datum, values in wanted.items()
             for a in sorted(values)
             if a > 0.0
         ]
-        if pairs and len(self._basis):  # the variation that is worst represented comes next
-            rows = [self._variation(heated, a) for heated, a in pairs]
-            norms = np.linalg.norm(rows, axis=1)
-            apart = np.transpose(rows) / np.where(norms > 0.0, norms, 1.0)
-            Q, R, _ = scipy.linalg.qr(apart, mode="economic", pivoting=True)
-            for variation in Q.T[np.abs(R.diagonal()) > ROUNDING]:
-                self._add(variation)
+        if variations and len(self._basis):
+            self._add_spanning(variations)
         self._listed = len(self._columns)
+
+    def _add_spanning(self, variations: list[Array]) -> None:
+        """Add columns that span variations, the one represented worst first."""
+        norms = np.linalg.norm(variations, axis=1)
+        units = np.transpose(variations) / np.where(norms > 0.0, norms, 1.0)
+        Q, R, _ = scipy.linalg.qr(units, mode="economic", pivoting=True)
+        for variation in Q.T[np.abs(R.diagonal()) > ROUNDING]:
+            self._add(variation)
 
     @property
     def listed(self) -> list[Column]:
         return [Column(*self._key, i, self._listed) for i in range(self._listed)]
 
     def part(self, datum: Datum, alpha: float, k: float, strength: float) -> Part:
-        """θ of one datum so many times as strong, all others being 0: α is that of the edges with
-        ratio 1.
+        """Return the part of θ of one datum times `strength`, all other data being 0.
 
-        α = 0 gives the limit of surroundings, the mean of θ̄. Where edges hold temperatures, the
-        heat that leaves is counted on Γ_θ and at the nodes that are held.
+        alpha: of the edges with ratio 1; 0 gives the limit of surroundings, the mean of θ̄
+        Where edges hold temperatures, the heat that leaves is counted on Γ_θ and at held nodes.
         """
-        heated, a, (S, M, mu, W), free = self._heated(datum), alpha / k, self._modes, self._free
+        heated, a, free = self._heated(datum), alpha / k, self._free
+        S, M, mu, W = self._modes
         theta, heat = (1.0 / k, 1.0) if datum.heats else (1.0, k)
-        solved = a > 0.0 or not free.all()
-        values = self._variation(heated, a) if solved else np.zeros(len(mu))
-        shares = self._shares(heated, values) if solved else []
+        is_solved = a > 0.0 or not free.all()
+        variation = self._variation(heated, a) if is_solved else np.zeros(len(mu))
+        shares = self._shares(heated, variation) if is_solved else []
         if free.all():
             m_0, m_1 = heated.moments
             constant = theta * float(m_0[0] / a if datum.heats else m_1[0]) * float(W[0, 0])
-            # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a
-            # difference
+            # a(θ − θ̄) mode by mode: a large α does not multiply the rounding of a difference
             flows = np.append(m_0[0], a * (m_0 - mu * m_1)[1:] / (mu[1:] + a))
-            heat_out = heat * float(
-                M.sum(axis=0) @ W @ flows
-            )  # zero but for the first, up to the rounding it shows
-            most = heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
-            through = heated.moved if datum.heats else most
+            # all modes but the first have no net flow, which the balance then shows
+            heat_out = heat * float(M.sum(axis=0) @ W @ flows)
+            bound = heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
+            through = heated.moved if datum.heats else bound
         else:
-            (r_0, r_1), x, constant = heated.right, np.zeros(len(free)), 0.0
-            x[free] = W @ values
+            r_0, r_1 = heated.right
+            constant = 0.0
+            x = np.zeros(len(free))
+            x[free] = W @ variation
             flows = heat * np.where(free, a * (M @ x - r_1), r_0 - S @ x)
             heat_out, through = float(flows.sum()), float(np.abs(flows).sum())
-        fields: dict[Field, float] = {
-            column: strength * (theta * share) for column, share in shares
-        }
-        heat_moved = strength * heat_out, strength * heated.heat, abs(strength) * through
-        return Part(fields | {None: strength * constant}, heat_moved)
+        fields: dict[Field, float] = {}
+        for column, share in shares:
+            fields[column] = strength * (theta * share)
+        fields[None] = strength * constant
+        return Part(fields, (strength * heat_out, strength * heated.heat, abs(strength) * through))
 
     def response(self, source: Array, a: float) -> Array:
-        """(n,) θ for k = 1 that a source at the nodes (n,) makes, surroundings and held edges being
-        at 0."""
-        factor, (S, M, _, _), free = self._body.factor(self._key[0]), self._modes, self._free
-        (l_tilde, theta), on_line, own = (
-            factor.load(source),
-            np.zeros((len(free), 1)),
-            np.ix_(free, free),
-        )
-        on_line[free, 0] = np.linalg.solve((S + a * M)[own], l_tilde[free])
+        """Return θ (n,) of a source at the nodes (n,) for k = 1, surroundings and held edges at 0."""
+        factor, free = self._body.factor(self._key[0]), self._free
+        S, M, _, _ = self._modes
+        l_tilde, theta = factor.load(source)
+        on_line = np.zeros((len(free), 1))
+        on_line[free, 0] = np.linalg.solve((S + a * M)[np.ix_(free, free)], l_tilde[free])
         return theta + factor.extended(on_line)[:, 0]
 
     def _heated(self, datum: Datum) -> _Heated:
+        """Return the right-hand side of a datum, computed once, and add its column."""
         if datum in self._data:
             return self._data[datum]
-        body, (S, M, _, W), zero = self._body, self._modes, np.zeros(len(self._free))
+        body, zero = self._body, np.zeros(len(self._free))
+        S, M, _, W = self._modes
         column: tuple[Array, Array | float] | None = None
         source = np.zeros(1)
         if datum.heats:
-            source = (source_load if datum.kind == "source" else edge_load)(
-                body.mesh, datum.data, datum.where
-            )
+            assemble = source_load if datum.kind == "source" else edge_load
+            source = assemble(body.mesh, datum.data, datum.where)
             l_tilde, field = body.factor(self._key[0]).load(source)
             right, column = (l_tilde, zero), (zero, field)
         elif datum.kind == "surroundings":
             ratio = self._ratios[datum.where[0]] if self._ratios else 1.0
             right = zero, ratio * body.surroundings(datum.data, datum.where)
-        else:  # a corner of two edges that hold temperatures belongs to the first
-            before, held = body.held[: body.held.index(datum.where[0])], zero.copy()
-            own = np.setdiff1d(body.mesh.nodes_on(*datum.where), body.mesh.nodes_on(*before))
-            held[np.searchsorted(body.nodes, own)] = values_at(datum.data, body.mesh.points[own])
+        else:
+            held = self._held_values(datum)
             right, column = (-(S @ held), -(M @ held)), (held, 0.0)
         moments = np.array([W.T @ part[self._free] for part in right])
-        numbers = () if column is None else (len(self._columns),)
-        self._columns += [] if column is None else [column]
-        heated = _Heated(
-            np.array(right), moments, float(source.sum()), float(np.abs(source).sum()), numbers
-        )
+        columns: tuple[int, ...] = ()
+        if column is not None:
+            columns = (len(self._columns),)
+            self._columns.append(column)
+        heat, moved = float(source.sum()), float(np.abs(source).sum())
+        heated = _Heated(np.array(right), moments, heat, moved, columns)
         return self._data.setdefault(datum, heated)
 
-    def _variation(self, heated: _Heated, a: float) -> Array:
-        """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one,
-        is zero.
+    def _held_values(self, datum: Datum) -> Array:
+        """Return θ_D (r,) of an edge; a corner of two such edges belongs to the first."""
+        body = self._body
+        earlier = body.held[: body.held.index(datum.where[0])]
+        nodes = np.setdiff1d(body.mesh.nodes_on(*datum.where), body.mesh.nodes_on(*earlier))
+        held = np.zeros(len(self._free))
+        held[np.searchsorted(body.nodes, nodes)] = values_at(datum.data, body.mesh.points[nodes])
+        return held
 
-        After a step of refinement where modes lack digits: of edges whose α differ by decades, or
-        that hold θ_D.
+    def _variation(self, heated: _Heated, a: float) -> Array:
+        """Return the variation (f,) on Γ_θ in the w_k, for k = 1, with no constant part.
+
+        Modes lack digits where edges have α that differ by decades, or hold θ_D: a step of
+        refinement follows.
         """
-        (S, M, mu, W), free, (r_0, r_1), (m_0, m_1) = (
-            self._modes,
-            self._free,
-            heated.right,
-            heated.moments,
-        )
-        first, values = int(free.all()), np.zeros(len(mu))
-        values[first:] = (m_0 + a * m_1)[first:] / (mu[first:] + a)
+        free = self._free
+        S, M, mu, W = self._modes
+        r_0, r_1 = heated.right
+        m_0, m_1 = heated.moments
+        first, variation = int(free.all()), np.zeros(len(mu))
+        variation[first:] = (m_0 + a * m_1)[first:] / (mu[first:] + a)
         if self._ratios or not first:
             x = np.zeros(len(free))
-            x[free] = W @ values
-            step = W.T @ (r_0 + a * r_1 - S @ x - a * (M @ x))[free] / (mu + a)
-            values[first:] += step[first:]
-        return values
+            x[free] = W @ variation
+            residual = r_0 + a * r_1 - S @ x - a * (M @ x)
+            step = W.T @ residual[free] / (mu + a)
+            variation[first:] += step[first:]
+        return variation
 
-    def _shares(self, heated: _Heated, wanted: Array) -> list[tuple[Column, float]]:
-        """A variation as a combination of columns, exact to rounding; one that they miss adds a
-        column."""
-        missed = wanted - self._basis @ (self._basis.T @ wanted)
-        if np.linalg.norm(missed) > 2.0 * ROUNDING * np.linalg.norm(wanted):
+    def _shares(self, heated: _Heated, variation: Array) -> list[tuple[Column, float]]:
+        """Return a variation as a combination of columns, and add a column if they do not span it."""
+        missed = variation - self._basis @ (self._basis.T @ variation)
+        if np.linalg.norm(missed) > 2.0 * ROUNDING * np.linalg.norm(variation):
             missed -= self._basis @ (self._basis.T @ missed)
             self._add(missed / np.linalg.norm(missed))
-        numbers, factors = (
-            (*heated.own, *self._numbers),
-            (*(1.0 for _ in heated.own), *self._basis.T @ wanted),
-        )
+        factors = [(number, 1.0) for number in heated.columns]
+        factors += zip(self._numbers, self._basis.T @ variation, strict=True)
         return [
-            (Column(*self._key, i, self._listed), float(f))
-            for i, f in zip(numbers, factors, strict=True)
+            (Column(*self._key, number, self._listed), float(factor)) for number, factor in factors
         ]
 
     def _add(self, variation: Array) -> None:
-        """A column more, of a unit variation (f,) orthogonal to all."""
+        """Add the column of a unit variation (f,) that is orthogonal to all."""
         on_line = np.zeros(len(self._free))
         on_line[self._free] = self._modes[3] @ variation
         self._basis = np.column_stack([self._basis, variation])
@@ -481,7 +482,7 @@ class Conduction:
         self._columns.append((on_line, 0.0))
 
     def fields(self, columns: Sequence[Column]) -> list[Array]:
-        """Nodal values (n,) of some columns."""
+        """Return the nodal values (n,) of columns."""
         on_line, loads = zip(*(self._columns[column.number] for column in columns), strict=True)
         extended = self._body.factor(self._key[0]).extended(np.column_stack(on_line))
         return [values + load for values, load in zip(extended.T, loads, strict=True)]
@@ -489,8 +490,10 @@ class Conduction:
 
 @dataclass(frozen=True)
 class Temperature:
-    """θ of one scene, Σ factor × field [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat
-    that moves (NaN if unused)."""
+    """θ of one scene, Σ factor × field [K].
+
+    heat_balance: defect of α∫(θ−θ̄) = ∫q relative to the heat that flows; NaN if unused
+    """
 
     fields: Mapping[Field, float]
     heat_balance: float
@@ -498,22 +501,20 @@ class Temperature:
 
     @cached_property
     def theta(self) -> Array:
-        """Nodal values (n,) [K], computed when asked for."""
+        """Return the nodal values (n,) [K]."""
         parts = (factor * self._of.field(name) for name, factor in self.fields.items())
         return np.asarray(sum(parts, np.zeros(self._of.mesh.n_points)))
 
     @cached_property
     def mean(self) -> float:
-        """Over the body [K]."""
+        """Return the mean over the body [K]."""
         return float(sum(factor * self._of.mean(name) for name, factor in self.fields.items()))
 
 
 class Temperatures:
-    """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis
-    terms.
+    """θ of every scene of a study on one mesh, and its load β∫θ tr ε(v) as basis terms.
 
-    nodes: (r,) those on the closure of Γ_θ and of the edges `held` whose temperature is given,
-    ascending
+    nodes: (r,) on the closure of Γ_θ and of the edges `held` whose temperature is given, ascending
     """
 
     def __init__(
@@ -532,16 +533,18 @@ class Temperatures:
         self._prepared: set[Conductivity] = set()
 
     def exchange(self, weights: Mapping[str, float]) -> Array:
-        """Σ w ∫φ_iφ_j over edges by name, over Γ_θ if none are, on `nodes`, dense (r, r) [m]."""
-        weight = np.zeros(len(self.mesh.segments))
-        for name, own in (weights or dict.fromkeys(self._convection, 1.0)).items():
-            weight[self.mesh.on(name)] = own
-        on = np.flatnonzero(weight)
-        ends = np.searchsorted(self.nodes, self.mesh.segments[on])
-        return segment_mass(ends, weight[on] * self.mesh.boundary.length[on], len(self.nodes))
+        """Return Σ w ∫φ_iφ_j over edges by name, by default over Γ_θ, dense on `nodes` (r, r) [m]."""
+        segment_weights = np.zeros(len(self.mesh.segments))
+        edge_weights = weights or dict.fromkeys(self._convection, 1.0)
+        for name, weight in edge_weights.items():
+            segment_weights[self.mesh.on(name)] = weight
+        weighted = np.flatnonzero(segment_weights)
+        ends = np.searchsorted(self.nodes, self.mesh.segments[weighted])
+        lengths = segment_weights[weighted] * self.mesh.boundary.length[weighted]
+        return segment_mass(ends, lengths, len(self.nodes))
 
     def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
-        """∫ θ̄ φ_i over edges, over Γ_θ if none are named, on `nodes` (r,) [K m]."""
+        """Return ∫ θ̄ φ_i over edges, by default over Γ_θ, on `nodes` (r,) [K m]."""
         return edge_load(self.mesh, theta_bar, names or self._convection)[self.nodes]
 
     def conduction(self, k: Conductivity, ratios: Ratios) -> Conduction:
@@ -549,118 +552,124 @@ class Temperatures:
         return self._conductions.of((k, ratios), lambda: Conduction(self, k, ratios, wanted))
 
     def factor(self, k: Conductivity) -> HeatFactor:
-        """K factorised, until what it serves is computed."""
+        """Return K factorised; it is dropped once its columns are computed."""
         return self._factors.of(k, lambda: HeatFactor(self._forms, self.nodes, k))
 
     def of(self, scene: Scene) -> Temperature:
-        """θ of a scene; zero where the scene has no heat. Nothing is solved for what is constant or
-        unused."""
+        """Return θ of a scene, zero for a scene without heat; uniform parts need no solution."""
         if self._last is not None and self._last[0] is scene:
             return self._last[1]
-        parts, judged, given = list[Part](), False, scene.heat.theta
-        if given is not None:
-            parts = [Part({given: 1.0} if isinstance(given, Expression) else {None: float(given)})]
+        parts, is_balanced = list[Part](), False
+        known = scene.heat.theta
+        if isinstance(known, Expression):
+            parts = [Part({known: 1.0})]
+        elif known is not None:
+            parts = [Part({None: float(known)})]
         elif scene.conducts:
-            (uniform, shares), (alpha, ratios) = heat_shares(scene), exchange_level(scene)
+            uniform, shares = heat_shares(scene)
+            alpha, ratios = exchange_level(scene)
             k = scene.material.k or 1.0
-            own = (
-                (self.conduction(relative_k(scene), ratios), datum, factor)
-                for datum, factor in shares
-            )
-            parts = [
-                Part({None: uniform}),
-                *(c.part(datum, alpha, k, factor) for c, datum, factor in own),
-            ]
-            judged = bool(shares) and (
-                scene.heat_by_edge or any(datum.heats for datum, _ in shares)
-            )
+            parts = [Part({None: uniform})]
+            for datum, factor in shares:
+                conduction = self.conduction(relative_k(scene), ratios)
+                parts.append(conduction.part(datum, alpha, k, factor))
+            has_heat = scene.heat_by_edge or any(datum.heats for datum, _ in shares)
+            is_balanced = bool(shares) and has_heat
         fields = dict[Field, float]()
-        for name, factor in (pair for part in parts for pair in part.fields.items()):
-            fields[name] = fields.get(name, 0.0) + factor
-        # relative to all heat that moves, because sources and sinks may cancel, and little q pass
-        # much heat by
-        out, given_heat, through = np.sum([(0.0, 0.0, 0.0), *(part.heat for part in parts)], axis=0)
-        balance = float(abs(out - given_heat) / through) if through else 0.0
-        self._last = scene, Temperature(fields, balance if judged else float("nan"), self)
-        return self._last[1]
+        for part in parts:
+            for name, factor in part.fields.items():
+                fields[name] = fields.get(name, 0.0) + factor
+        # relative to all heat that flows: sources and sinks may cancel, and a small q may pass a
+        # large flow
+        heats = [(0.0, 0.0, 0.0), *(part.heat for part in parts)]
+        heat_out, heat_in, through = np.sum(heats, axis=0)
+        balance = float("nan")
+        if is_balanced:
+            balance = float(abs(heat_out - heat_in) / through) if through else 0.0
+        temperature = Temperature(fields, balance, self)
+        self._last = scene, temperature
+        return temperature
 
     def terms(self, scene: Scene) -> list[tuple[Where, Field, float]]:
-        """β∫θ tr ε(v) as a sum over regions and fields, with their factors."""
+        """Return β∫θ tr ε(v) as regions and fields with their factors."""
         if not scene.material.expands:
             return []
         self._prepare(relative_k(scene))
         fields = [(name, factor) for name, factor in self.of(scene).fields.items() if factor != 0.0]
-        materials = ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0)
-        return [
-            (where, name, beta * factor) for where, beta in materials for name, factor in fields
-        ]
+        terms = []
+        for where, material in scene.pieces:
+            if material.beta != 0.0:
+                terms += [(where, name, material.beta * factor) for name, factor in fields]
+        return terms
 
     def _prepare(self, k: Conductivity) -> None:
-        """Compute what all scenes to come need, if it fits into the memory, and let go of the
+        """Compute the columns of all scenes to come, if they fit into the memory, and drop the
         factor."""
-        sets = [ratios for own, ratios in self._wanted if own == k]
-        if k in self._prepared or not sets:
+        all_ratios = [ratios for conductivity, ratios in self._wanted if conductivity == k]
+        if k in self._prepared or not all_ratios:
             return
         self._prepared.add(k)
-        columns = [column for ratios in sets for column in self.conduction(k, ratios).listed]
+        columns = [column for ratios in all_ratios for column in self.conduction(k, ratios).listed]
         if len(columns) * 8 * self.mesh.n_points <= self._memory:
             for column in columns:
                 self.field(column)
             self._factors.pop(k, None)
 
     def field(self, name: Field) -> Array:
-        """Nodal values (n,) of a field."""
+        """Return the nodal values (n,) of a field."""
         if name is None:
             return np.ones(self.mesh.n_points)
         if not isinstance(name, Column):
             return self._fields.of(name, lambda: values_at(name, self.mesh.points))
         if name in self._fields:
             return self._fields[name]
-        columns, found = name.together, dict[Field, Array]()
-        for column, values in zip(
-            columns, self.conduction(name.k, name.ratios).fields(columns), strict=True
-        ):
-            found[column] = self._fields[column] = values
-        return found[name]
+        columns, values_of = name.together, dict[Field, Array]()
+        fields = self.conduction(name.k, name.ratios).fields(columns)
+        for column, values in zip(columns, fields, strict=True):
+            values_of[column] = self._fields[column] = values
+        return values_of[name]
 
     def mean(self, name: Field) -> float:
-        """Mean of a field over the body."""
-        return self._means.of(name, lambda: 1.0 if name is None else self.mean_of(self.field(name)))
+        """Return the mean of a field over the body."""
+        if name is None:
+            return 1.0
+        return self._means.of(name, lambda: self.mean_of(self.field(name)))
 
     def mean_of(self, theta: Array) -> float:
-        """Mean over the body of a temperature at the nodes (n,)."""
+        """Return the mean over the body of a temperature at the nodes (n,)."""
         area = self.mesh.area
         return float(area @ theta[self.mesh.triangles].mean(axis=1)) / float(area.sum())
 
     def response(self, scene: Scene, source: Array) -> Array:
-        """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges
-        being at 0."""
+        """Return θ (n,) of heat input at the nodes (n,) [W/m], surroundings and held edges at 0 [K]."""
         alpha, ratios = exchange_level(scene)
         k = scene.material.k or 1.0
         return self.conduction(relative_k(scene), ratios).response(source / k, alpha / k)
 
     def exchanged(self, scene: Scene, edges: tuple[str, ...]) -> Array:
-        """(n,) −∫(θ − θ̄)φ_i over edges: what one more of their α puts in [K m]."""
-        theta, found = self.of(scene).theta, np.zeros(self.mesh.n_points)
-        for edge, _, bar in scene.exchange:
+        """Return −∫(θ − θ̄)φ_i (n,) over edges, the heat input per unit of their α [K m]."""
+        theta = self.of(scene).theta
+        heat = np.zeros(self.mesh.n_points)
+        for edge, _, theta_bar in scene.exchange:
             if edge in edges:
-                found[self.nodes] += (
-                    self.surroundings(bar, (edge,)) - self.exchange({edge: 1.0}) @ theta[self.nodes]
-                )
-        return found
+                ambient = self.surroundings(theta_bar, (edge,))
+                heat[self.nodes] += ambient - self.exchange({edge: 1.0}) @ theta[self.nodes]
+        return heat
 
 
-def _wanted(
-    scenes: Sequence[Scene],
-) -> dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]]:
-    """Values of α/k by datum of the scenes to come, by conductivities and ratios."""
-    found: dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]] = {}
+Planned = dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]]
+"""Values of α/k by datum, for each set of conductivities and ratios."""
+
+
+def _wanted(scenes: Sequence[Scene]) -> Planned:
+    """Return the values of α/k of the scenes to come."""
+    planned: Planned = {}
     for scene in distinct(scenes, *FELT):
         k = scene.material.k
         if scene.material.expands and scene.conducts and scene.heat.theta is None and k:
             alpha, ratios = exchange_level(scene)
-            for key, _ in heat_shares(scene)[1]:
-                found.setdefault((relative_k(scene), ratios), {}).setdefault(key, {})[alpha / k] = (
-                    None
-                )
-    return found
+            _, shares = heat_shares(scene)
+            for datum, _ in shares:
+                data = planned.setdefault((relative_k(scene), ratios), {})
+                data.setdefault(datum, {})[alpha / k] = None
+    return planned
