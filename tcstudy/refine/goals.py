@@ -1,4 +1,4 @@
-"""Numbers that a study is after: fronts, how errors carry over to a number, what end cells hide.
+"""Quantities of interest: slip fronts, dual solutions, and errors hidden in end cells.
 
 A goal J is linear in (ξ, u_T) near a solution. With the sticking nodes S held and the slipping ones
 F on their piece of b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl̃:
@@ -55,6 +55,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.mesh_plan import Goal
 from tcstudy.scene.records import Point
@@ -67,18 +68,18 @@ EXPONENT = 1.5
 HELD = -1
 """Stands for the contact unknown of a node that has none."""
 REACH = 0.5
-"""How many cells a front may lie outside the cell between its sticking and its slipping node."""
+"""Cells by which a front may lie outside the cell between its sticking and its slipping node."""
 
 
 @dataclass(frozen=True)
 class SlipFront:
-    """One place where stick meets slip.
+    """A stick–slip transition.
 
     segment: index of its cell in line.segments;  width: length of the cell [m]
-    more:    by how much the slip zone is longer than the nodes say, ½ width − (distance from the sticking node) [m]
-    doubt:   how far it may lie off for lack of slipping nodes: ½ width where the middle of the cell stands, else 0 [m]
-    hidden:  it lies beside a held node, and no node sticks
-    nodes:   contact unknowns that `more` depends on;  slopes: its derivatives with respect to their u_T [1]
+    more:    length of the slip zone beyond that of its nodes, ½ width − (distance from the sticking node) [m]
+    doubt:   uncertainty for lack of slipping nodes: ½ width where the middle of the cell is taken, else 0 [m]
+    hidden:  whether it lies beside a held node and no node sticks
+    nodes:   contact unknowns on which `more` depends;  slopes: its derivatives by their u_T [1]
     """
 
     segment: int
@@ -91,78 +92,104 @@ class SlipFront:
 
 
 def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFront]:
-    """All fronts of a contact solution v (m,), hidden ones last; an end of Γ_C is none."""
+    """Return all fronts of a contact solution v (m,), hidden ones last; ends of Γ_C are none."""
     law, ends = problem.law, line.unknowns
     if not len(law.kinks):
         return []
-    stick, held, found = law.sticking(v), ends == HELD, list[SlipFront]()
-    sticks = stick[ends] & ~held
-    seen = ~held.any(axis=1) & (sticks[:, 0] != sticks[:, 1])
-    hidden = (held[:, 0] != held[:, 1]) & ~sticks.any(axis=1)
-    for i in (*np.flatnonzero(seen).tolist(), *np.flatnonzero(hidden).tolist()):
-        towards = 1 if (held if hidden[i] else sticks)[i, 0] else -1
-        rests, slides = ends[i, ::towards].tolist()
-        node = slides if hidden[i] else rests
-        own = law.single(node)
-        if not len(own.kinks):
-            continue
-        kink = own.nearest_kink(v[node])
-        if hidden[i] and own.kinds[kink] != UP:
-            continue
-        slip = v - own.kinks[kink]
-        nodes, at = _beyond(line, i, towards, stick, slip)
-        width = at[0]
-        # beside a held node the nearest two: slip like r^λ, λ < 3/2, gives a zero outside the body,
-        # and no front
-        some = 2 if hidden[i] else len(nodes)
-        zero = _zero(at[:some], nodes[:some], slip)
-        if hidden[i]:
-            if zero is not None and zero[0] > 0.0:
-                found.append(SlipFront(i, width, -min(zero[0], width), 0.0, *zero[1:], hidden=True))
-        elif zero is not None:
-            more = 0.5 * width - float(np.clip(zero[0], -REACH * width, (1.0 + REACH) * width))
-            found.append(SlipFront(i, width, more, 0.0, *zero[1:]))
-        else:  # u_T = C r^{3/2} with C held, half a cell from the front
-            slope = 0.5 * width / (EXPONENT * float(slip[nodes[0]]))
-            found.append(SlipFront(i, width, 0.0, 0.5 * width, (nodes[0],), (slope,)))
-    return found
+    sticks, held = law.sticking(v), ends == HELD
+    end_sticks = sticks[ends] & ~held
+    visible = ~held.any(axis=1) & (end_sticks[:, 0] != end_sticks[:, 1])
+    beside_held = (held[:, 0] != held[:, 1]) & ~end_sticks.any(axis=1)
+    candidates = list[SlipFront | None]()
+    for segment in np.flatnonzero(visible).tolist():
+        direction = 1 if end_sticks[segment, 0] else -1
+        candidates.append(_visible_front(line, law, v, segment, direction))
+    for segment in np.flatnonzero(beside_held).tolist():
+        direction = 1 if held[segment, 0] else -1
+        candidates.append(_hidden_front(line, law, v, segment, direction))
+    return [front for front in candidates if front is not None]
 
 
-def _beyond(
-    line: ContactLine, i: int, towards: int, stick: Flags, slip: Array
+def _visible_front(
+    line: ContactLine, law: Laws, v: Array, segment: int, direction: int
+) -> SlipFront | None:
+    """Return the front between a sticking node and the slipping one after it in a direction."""
+    sticking_node = int(line.unknowns[segment, ::direction][0])
+    node_law = law.single(sticking_node)
+    if not len(node_law.kinks):
+        return None
+    slip = v - node_law.kinks[node_law.nearest_kink(v[sticking_node])]
+    nodes, distances = _slipping_nodes(line, segment, direction, law.sticking(v), slip)
+    width = distances[0]
+    zero = _zero(distances, nodes, slip)
+    if zero is None:  # u_T = C r^{3/2} with constant C, half a cell from the front
+        slope = 0.5 * width / (EXPONENT * float(slip[nodes[0]]))
+        return SlipFront(segment, width, 0.0, 0.5 * width, (nodes[0],), (slope,))
+    place, pair, zero_slopes = zero
+    more = 0.5 * width - float(np.clip(place, -REACH * width, (1.0 + REACH) * width))
+    return SlipFront(segment, width, more, 0.0, pair, zero_slopes)
+
+
+def _hidden_front(
+    line: ContactLine, law: Laws, v: Array, segment: int, direction: int
+) -> SlipFront | None:
+    """Return the front between a held node and the slipping one beside it, if there is one."""
+    slipping_node = int(line.unknowns[segment, ::direction][1])
+    node_law = law.single(slipping_node)
+    if not len(node_law.kinks):
+        return None
+    kink = node_law.nearest_kink(v[slipping_node])
+    if node_law.kinds[kink] != UP:
+        return None
+    slip = v - node_law.kinks[kink]
+    nodes, distances = _slipping_nodes(line, segment, direction, law.sticking(v), slip)
+    # the nearest two nodes: slip like r^λ, λ < 3/2, has its zero outside the body, and no front
+    zero = _zero(distances[:2], nodes[:2], slip)
+    if zero is None or not zero[0] > 0.0:
+        return None
+    place, pair, zero_slopes = zero
+    width = distances[0]
+    return SlipFront(segment, width, -min(place, width), 0.0, pair, zero_slopes, hidden=True)
+
+
+def _slipping_nodes(
+    line: ContactLine, segment: int, direction: int, sticks: Flags, slip: Array
 ) -> tuple[list[int], list[float]]:
-    """Up to three nodes that slip one way from segment i on, along the line (towards = 1) or
-    against it, and how far they are from the node before them all.
+    """Return up to three nodes from a segment on that slip one way, and their distances.
+
+    direction: 1 along the line, −1 against it
+    The distances are from the node at the beginning of the segment.
     """
-    nodes, at, ends, inner = list[int](), list[float](), line.unknowns, 1 if towards > 0 else 0
-    while True:
-        node = int(ends[i, inner])
-        if (
-            node == HELD
-            or stick[node]
-            or (nodes and slip[node] * slip[nodes[0]] <= 0.0)
-            or len(nodes) == 3
-        ):
-            return nodes, at
+    nodes, distances = list[int](), list[float]()
+    distance = 0.0
+    far_end = 1 if direction > 0 else 0
+    while len(nodes) < 3:
+        node = int(line.unknowns[segment, far_end])
+        if node == HELD or sticks[node]:
+            break
+        if nodes and slip[node] * slip[nodes[0]] <= 0.0:
+            break
+        distance += float(line.lengths[segment])
         nodes.append(node)
-        at.append((at[-1] if at else 0.0) + float(line.lengths[i]))
-        i += towards
-        if not (
-            0 <= i < len(ends) and line.segments[i - towards, inner] == line.segments[i, 1 - inner]
-        ):
-            return nodes, at
+        distances.append(distance)
+        segment += direction
+        if not 0 <= segment < len(line.unknowns):
+            break
+        if line.segments[segment - direction, far_end] != line.segments[segment, 1 - far_end]:
+            break
+    return nodes, distances
 
 
 def slip_length(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[float, float]:
-    """Length of Γ_C that does not stick, fronts taken where they are found within their cells, and
-    their doubt [m]."""
-    found = fronts(line, problem, v)
+    """Return the length of Γ_C that slips, fronts located within their cells, and its doubt [m]."""
+    slip_fronts = fronts(line, problem, v)
     nodal = float(problem.c[~problem.law.sticking(v)].sum())
-    return nodal + sum(front.more for front in found), sum(front.doubt for front in found)
+    length = nodal + sum(front.more for front in slip_fronts)
+    return length, sum(front.doubt for front in slip_fronts)
 
 
 def slopes(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """w (m,), the derivative of `slip_length` with respect to u_T [1]."""
+    """Return w (m,), the derivative of `slip_length` by u_T [1]."""
     w = np.zeros(line.m)
     for front in fronts(line, problem, v):
         np.add.at(w, list(front.nodes), front.slopes)
@@ -172,8 +199,10 @@ def slopes(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 def _zero(
     at: list[float], nodes: list[int], slip: Array
 ) -> tuple[float, tuple[int, int], tuple[float, float]] | None:
-    """Where |slip|^{2/3} through the two farthest nodes is zero, the nodes, minus its derivatives;
-    None if it falls."""
+    """Return the zero of the line through |slip|^{2/3} of the two farthest nodes, if it rises.
+
+    The nodes and minus the derivatives of the zero by their slips come with it.
+    """
     if len(nodes) < 2:
         return None
     (p, q), (r_p, r_q) = nodes[-2:], at[-2:]
@@ -189,20 +218,21 @@ def _zero(
 
 
 def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> float:
-    """J of a contact solution v (m,)."""
+    """Return J of a contact solution v (m,)."""
     if goal.at is not None:
         return float(point_weights(line, goal.at) @ v)
-    sliding = problem.c[~problem.law.sticking(v)]
-    return float(sliding.sum() if goal.quantity == "slip_length" else problem.xi(v).sum())
+    if goal.quantity == "slip_length":
+        return float(problem.c[~problem.law.sticking(v)].sum())
+    return float(problem.xi(v).sum())
 
 
 def weight_of_friction(goal: Goal) -> float:
-    """a of J = aᵀξ + wᵀu_T at every node."""
+    """Return a of J = aᵀξ + wᵀu_T at every node."""
     return float(goal.quantity == "friction_resultant")
 
 
 def point_weights(line: ContactLine, at: Point) -> Array:
-    """w (m,) with u_T(at) = wᵀv for the point of Γ_C nearest to `at`; held nodes have no weight."""
+    """Return w (m,) with u_T(at) = wᵀv at the point of Γ_C nearest to `at`; 0 at held nodes."""
     nearest, t = line.nearest(at)
     w = np.zeros(line.m)
     for unknown, share in zip(line.unknowns[nearest], (1.0 - t, t), strict=True):
@@ -212,151 +242,152 @@ def point_weights(line: ContactLine, at: Point) -> Array:
 
 
 def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) friction that ∫ξ misses on the segments of Γ_C between a held node and a sticking one
-    [N/m].
+    """Return the friction (s,) that ∫ξ lacks between a held node and a sticking one [N/m].
 
-    ξ_i of a sticking node is what its hat function sees, ½ t·width less than the traction t carries
-    there. A slipping node's cell c_i reaches up to the held node.
+    ξ_i of a sticking node is the integral with its hat function, ½ t·width less than that of the
+    traction t there. The cell c_i of a slipping node reaches up to the held node.
     """
-    stick, xi = problem.law.sticking(v), problem.xi(v)
-    own = line.unknowns
-    node, width = own.max(axis=1), line.lengths
-    at_held = (own.min(axis=1) < 0) & stick[node]
+    sticks, xi = problem.law.sticking(v), problem.xi(v)
+    ends = line.unknowns
+    node, width = ends.max(axis=1), line.lengths
+    at_held = (ends.min(axis=1) < 0) & sticks[node]
     hat = line.c.copy()
     np.add.at(hat, node[at_held], -0.5 * width[at_held])
     return np.where(at_held, 0.5 * width * xi[node] / hat[node], 0.0)
 
 
 def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) half of what b does between the slips of two neighbours that its chord does not say,
-    times the cell [N/m].
+    """Return half of the change of b between two neighbours beyond its chord, times the cell (s,)
+    [N/m].
 
-    A jump counts as it is: such a front rests on a node wherever the load would have it, so that ∫ξ
-    is known to a cell there. So does a fall from a sticking node to one that has passed it all, and
-    a turn of the slip from one node to the next. Bends between nodes close to each other leave
-    O(h²).
+    A jump counts fully: such a front sticks at a node whatever the load, so that ∫ξ is known to a
+    cell there. So do softening from a sticking node to one beyond it, and a change of the sign of
+    the slip between two nodes. Bends between nodes close to each other leave O(h²).
     """
-    own = line.unknowns
-    low, high = np.sort(v[own], axis=1).T
-    law, free = problem.law.of_nodes(own.max(axis=1)), np.all(own >= 0, axis=1)
-    at, tables = law.node_index(len(own)), law.tables
-    first, last, kinks = law.b(low, 1)[:, None], law.b(high, -1)[:, None], tables.kinks[at]
+    ends = line.unknowns
+    low, high = np.sort(v[ends], axis=1).T
+    law, free = problem.law.of_nodes(ends.max(axis=1)), np.all(ends >= 0, axis=1)
+    tables, rows = law.tables, law.node_index(len(ends))
+    b_low, b_high = law.b(low, 1)[:, None], law.b(high, -1)[:, None]
+    kinks = tables.kinks[rows]
     low, high = low[:, None], high[:, None]
     inside = free[:, None] & (low < kinks) & (kinks < high)
     with np.errstate(invalid="ignore", divide="ignore"):
-        chord = first + (kinks - low) / (high - low) * (last - first)
-        above = np.maximum(tables.b_left, tables.b_right)[at] - chord
-        below = chord - np.minimum(tables.b_left, tables.b_right)[at]
-    unsaid = sum(np.max(np.where(inside, off, 0.0), axis=1, initial=0.0) for off in (above, below))
-    return np.asarray(0.5 * line.lengths * unsaid)
+        chord = b_low + (kinks - low) / (high - low) * (b_high - b_low)
+        above = np.maximum(tables.b_left, tables.b_right)[rows] - chord
+        below = chord - np.minimum(tables.b_left, tables.b_right)[rows]
+    largest_above = np.max(np.where(inside, above, 0.0), axis=1, initial=0.0)
+    largest_below = np.max(np.where(inside, below, 0.0), axis=1, initial=0.0)
+    return np.asarray(0.5 * line.lengths * (largest_above + largest_below))
 
 
 def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) how far apart the laws of two neighbours are at the slip there, where the law steps
-    along Γ_C [Pa].
+    """Return the difference (s,) of the laws of two neighbours where the law steps along Γ_C [Pa].
 
-    A step is more than twice what it is on both sides of it: strength that varies smoothly changes
-    from cell to cell by about the same. Nodes that stick carry what the body asks for, not b. Where
-    edges meet the cell of the node has its parts of both laws, and nothing steps.
+    A step is more than twice the difference on both sides of it: strength that varies smoothly
+    changes by about the same from cell to cell. Sticking nodes carry the reaction of the body, not
+    b. At an interface junction a node has parts of both laws, and nothing steps.
     """
-    law, own = problem.law, line.unknowns
+    law, ends = problem.law, line.unknowns
     if law.one:
-        return np.zeros(len(own))
-    (p, q), slips = own.T, ~law.sticking(v)
+        return np.zeros(len(ends))
+    p, q = ends.T
+    slips = ~law.sticking(v)
     slip = np.where(slips[p], v[p], v[q])
-    known = (
-        (own.min(axis=1) >= 0) & (slips[p] | slips[q]) & ~np.isin(own, line.joints.node).any(axis=1)
-    )
-    apart = np.where(known, np.abs(law.of_nodes(p).b(slip) - law.of_nodes(q).b(slip)), 0.0)
-    beside = np.maximum(np.append(0.0, apart[:-1]), np.append(apart[1:], 0.0))
-    return np.where(apart > 2.0 * beside, apart, 0.0)
+    is_free = ends.min(axis=1) >= 0
+    at_joint = np.isin(ends, line.joints.node).any(axis=1)
+    is_compared = is_free & (slips[p] | slips[q]) & ~at_joint
+    difference = np.abs(law.of_nodes(p).b(slip) - law.of_nodes(q).b(slip))
+    difference = np.where(is_compared, difference, 0.0)
+    before, after = np.append(0.0, difference[:-1]), np.append(difference[1:], 0.0)
+    return np.where(difference > 2.0 * np.maximum(before, after), difference, 0.0)
 
 
 def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
-    """z (m,), the change of J with the condensed load. Raises LinAlgError at a turning point of the
-    solution."""
+    """Return z (m,), the derivative of J by the condensed load.
+
+    Raises LinAlgError at a turning point of the solution.
+    """
     a, w = np.full(line.m, weight_of_friction(goal)), np.zeros(line.m)
     if goal.at is not None:
         w = point_weights(line, goal.at)
     elif goal.quantity == "slip_length":
         w = slopes(line, problem, v)
-    stick = problem.law.sticking(v)
-    slip = ~stick
+    sticks = problem.law.sticking(v)
+    slips = ~sticks
     tangent = problem.c * problem.law.slope(v, problem.law.piece(v))
-    z = np.where(stick, a, 0.0)
-    if np.any(slip):
-        matrix = problem.A_tilde[np.ix_(slip, slip)] + np.diag(tangent[slip])
-        load = w[slip] + tangent[slip] * a[slip] - problem.A_tilde[np.ix_(slip, stick)] @ a[stick]
-        z[slip] = scipy.linalg.solve(matrix, load, assume_a="sym")
+    z = np.where(sticks, a, 0.0)
+    if np.any(slips):
+        matrix = problem.A_tilde[np.ix_(slips, slips)] + np.diag(tangent[slips])
+        held_load = problem.A_tilde[np.ix_(slips, sticks)] @ a[sticks]
+        load = w[slips] + tangent[slips] * a[slips] - held_load
+        z[slips] = scipy.linalg.solve(matrix, load, assume_a="sym")
     return z
 
 
 ROUNDINGS = 8.0 * float(np.finfo(float).eps)
-"""Distance from a kink, over the largest displacement of the body, at which a given slip is still
-on it."""
+"""Distance up to which a given slip is at a kink, relative to the largest displacement."""
 
 
 def hidden_effects(
     goal: Goal, line: ContactLine, problem: ContactProblem, v: Array, u: Array, z: Array
 ) -> Array:
-    """(s,) the most that the end cells of a solution v (m,), u (2n,) may change of J, with the dual
-    solution z (m,)."""
-    found = np.zeros(len(line.segments))
+    """Return bounds (s,) of the changes of J that the end cells of a solution may hide.
+
+    v: (m,) slips;  u: (2n,) displacement;  z: (m,) dual solution
+    """
+    effects = np.zeros(len(line.segments))
     if not len(problem.law.kinks):
-        return found
-    own, across, a = line.unknowns, u.reshape(2, -1), weight_of_friction(goal)
-    along, width, stick = line.ends[:, 1] - line.ends[:, 0], line.lengths, problem.law.sticking(v)
-    traction, noise = problem.xi(v) / problem.c, ROUNDINGS * float(np.abs(u).max())
-    for i in np.flatnonzero(own.min(axis=1) < 0).tolist():
-        node, held = int(own[i].max()), int(line.segments[i, np.argmin(own[i])])
-        given = float(across[:, held] @ along[i]) / float(width[i])
+        return effects
+    ends, a = line.unknowns, weight_of_friction(goal)
+    displacement, along = u.reshape(2, -1), line.ends[:, 1] - line.ends[:, 0]
+    widths, sticks = line.lengths, problem.law.sticking(v)
+    traction = problem.xi(v) / problem.c
+    noise = ROUNDINGS * float(np.abs(u).max())
+    for cell in np.flatnonzero(ends.min(axis=1) < 0).tolist():
+        node = int(ends[cell].max())
+        held_node = int(line.segments[cell, np.argmin(ends[cell])])
         law = problem.law.single(node)
-        on = np.flatnonzero(np.abs(law.kinks - given) <= noise)
-        given = float(law.kinks[on[0]]) if len(on) else given
-        if stick[node] and given == v[node]:
-            continue  # the zone is seen
-        between = (law.kinks > min(given, v[node])) & (law.kinks < max(given, v[node]))
-        values = [
-            *law.b_left[between],
-            *law.b_right[between],
-            float(law.b(given, 1 if v[node] > given else -1)),
-        ]
-        rests = (law.kinks == given) & (law.kinds == UP)
-        values += [
-            float(np.clip(0.0, law.b_left[k], law.b_right[k])) for k in np.flatnonzero(rests)
-        ]
-        most = float(np.max(np.abs(np.array(values) - traction[node])))
-        found[i] = 0.5 * (abs(a) + abs(a - float(z[node]))) * most * width[i]
-        # a hidden zone may stick
-        if (
-            goal.quantity == "slip_length"
-            and most > 0.0
-            and np.any(rests | (between & (law.kinds == UP)))
-        ):
-            found[i] += width[i]
-    return found
+        given = float(displacement[:, held_node] @ along[cell]) / float(widths[cell])
+        near_kinks = np.flatnonzero(np.abs(law.kinks - given) <= noise)
+        if len(near_kinks):
+            given = float(law.kinks[near_kinks[0]])
+        if sticks[node] and given == v[node]:
+            continue  # the sticking zone is visible
+        is_between = (law.kinks > min(given, v[node])) & (law.kinks < max(given, v[node]))
+        is_stick = (law.kinks == given) & (law.kinds == UP)
+        tractions = [*law.b_left[is_between], *law.b_right[is_between]]
+        tractions.append(float(law.b(given, 1 if v[node] > given else -1)))
+        for kink in np.flatnonzero(is_stick):
+            tractions.append(float(np.clip(0.0, law.b_left[kink], law.b_right[kink])))
+        largest = float(np.max(np.abs(np.array(tractions) - traction[node])))
+        weight = 0.5 * (abs(a) + abs(a - float(z[node])))
+        effects[cell] = weight * largest * widths[cell]
+        may_stick = np.any(is_stick | (is_between & (law.kinds == UP)))
+        if goal.quantity == "slip_length" and largest > 0.0 and may_stick:
+            effects[cell] += widths[cell]
+    return effects
 
 
 Hidden = list[tuple[int, int, float]]
-"""Parts of an error that end cells hide, for marking, as they shrink with the length of their cell:
-held mesh nodes, curves of the boundary on which their cells lie, and parts over the lengths of the
-cells [1/m]."""
+"""Parts of an error that end cells hide, which shrink with the lengths of the cells: held mesh nodes,
+boundary curves of their cells, and parts over the lengths of the cells [1/m]."""
 
 
 def hidden_on(mesh: PlaneMesh, line: ContactLine, parts: Array) -> Hidden:
-    """What (s,) parts on the segments of Γ_C say of the mesh, those at held nodes only."""
+    """Return the parts (s,) of the segments of Γ_C at held nodes in terms of the mesh."""
     cells = np.flatnonzero(parts)
     nodes = line.segments[cells, np.argmin(line.unknowns[cells], axis=1)]
-    curves, density = mesh.segment_curve[line.which[cells]], parts[cells] / line.lengths[cells]
-    return list(zip(nodes.tolist(), curves.tolist(), density.tolist(), strict=True))
+    curves = mesh.segment_curve[line.which[cells]]
+    densities = parts[cells] / line.lengths[cells]
+    return list(zip(nodes.tolist(), curves.tolist(), densities.tolist(), strict=True))
 
 
 def hidden_shares(mesh: PlaneMesh, hidden: Hidden) -> Array:
-    """(t,) the parts at the triangles that have the cells now, on a mesh refined since."""
-    found = np.zeros(len(mesh.segments))
+    """Return the parts (t,) at the triangles of the cells, on a mesh refined since."""
+    parts = np.zeros(len(mesh.segments))
     for node, curve, density in hidden:
-        cell = np.flatnonzero((mesh.segments == node).any(axis=1) & (mesh.segment_curve == curve))[
-            0
-        ]
-        found[cell] += density * mesh.boundary.length[cell]
-    return mesh.from_segments(found)
+        touches = (mesh.segments == node).any(axis=1)
+        cell = np.flatnonzero(touches & (mesh.segment_curve == curve))[0]
+        parts[cell] += density * mesh.boundary.length[cell]
+    return mesh.from_segments(parts)
