@@ -366,13 +366,27 @@ def _fitting(stored: Stored, without: list[str]) -> bytes:
     if _lines(stored) > 2 * AIM:  # however they are packed
         without += [*["levels"] * (len(stored.groups) > 1), "lines"]
     text = page(stored, tuple(without)).encode()
-    for part in (part for part in LEAVE_OUT if part not in without):
+    for part in (part for part in _optional(stored) if part not in without):
         if len(text) <= AIM:
             break
         if len(less := page(stored, (*without, part)).encode()) < len(text):
             without.append(part)
             text = less
     return text
+
+
+def _optional(stored: Stored) -> list[str]:
+    """Return those of LEAVE_OUT that a page has: to make one of many geometries takes long."""
+    if stored.kind != "run":
+        return [*LEAVE_OUT]
+    bodies = [home for home in stored.homes if home is not None] or [stored]
+    has = {
+        "levels": any(len(body.groups) > 1 for body in bodies),
+        "live": bool(stored.live),
+        "body": any(drawn_level(body) is not None for body in bodies),
+        "lines": any(body.groups for body in bodies),
+    }
+    return [part for part in LEAVE_OUT if has[part]]
 
 
 def _lines(stored: Stored) -> int:
