@@ -60,16 +60,29 @@ def study_text(count: int) -> str:
 def cost_of(words: Sequence[str], python: str = sys.executable) -> Cost:
     """Return what a command costs as a process of its own."""
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    process = subprocess.Popen(
-        [python, "-m", "tcstudy", *words],
+    # -P: the package of that interpreter, not the one in this folder
+    child = [python, "-P", "-m", "tcstudy", *words]
+    told = subprocess.run(
+        [sys.executable, "-S", "-c", WATCH, *child],
         env=environment,
-        stdout=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
+        check=True,
+        text=True,
     )
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode == 0, words
-    return Cost(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+    seconds, kilobytes = told.stdout.split()[-2:]
+    return Cost(float(seconds), float(kilobytes) / 1024)
+
+
+WATCH = """
+import os, subprocess, sys
+child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, usage = os.wait4(child.pid, 0)
+print(usage.ru_utime + usage.ru_stime, usage.ru_maxrss)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+"""A small process that starts a command and prints its CPU time and memory: a child of a large one
+begins with the memory of its parent."""
 
 
 def command(name: str, folder: Path, count: int) -> list[str]:
@@ -117,7 +130,13 @@ def lines(other: str | None) -> Iterator[str]:
         sizes = [(folder / f"{count}.nc").stat().st_size for count in COUNTS]
         yield f"CPU time and memory of commands, one thread; load {os.getloadavg()[0]:.0f}."
         yield ""
-        yield "| command | " + " | ".join(f"{count:,} geometries" for count in COUNTS) + " |"
+        yield (
+            "| command | "
+            + " | ".join(
+                f"{count:,} {'geometry' if count == 1 else 'geometries'}" for count in COUNTS
+            )
+            + " |"
+        )
         yield "|---" * (len(COUNTS) + 1) + "|"
         for row, costs in table.items():
             yield f"| {row} | " + " | ".join(cost.words for cost in costs) + " |"
