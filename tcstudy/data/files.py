@@ -43,7 +43,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 import numpy as np
 
-from tcstudy.errors import StoreError, printable, shortened, tell
+from tcstudy.data.inspection import damage_of
+from tcstudy.errors import StoreError, UserFault, printable, shortened, tell
 from tcstudy.scene.study import Study, shell_name
 
 if TYPE_CHECKING:
@@ -103,17 +104,38 @@ PARTIAL = ".partial"
 """What the journal of a run adds to the name of its output."""
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
 """How netCDF-4 and older netCDF files begin."""
-_FAULTS = (
-    LookupError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    ArithmeticError,
-    OSError,
-    RuntimeError,
-    Warning,
-)
+_MISFITS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, RuntimeError)
 """What reading and drawing values that do not fit together may raise."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Which file stood at a path at a moment: the same one is there as long as `is_there`.
+
+    identity: size [byte], number of the file, time of its last change [ns]; None where there was no file
+    """
+
+    path: Path
+    identity: tuple[int, int, int] | None
+
+    @classmethod
+    def of(cls, path: Path) -> Snapshot:
+        """Return which file stands at a path now. Raises OSError."""
+        try:
+            now = os.stat(path)
+        except (FileNotFoundError, NotADirectoryError):
+            return cls(path, None)
+        return cls(path, (now.st_size, now.st_ino, now.st_mtime_ns))
+
+    def is_there(self) -> bool:
+        """Return whether that file, or none, is still there, unchanged."""
+        return Snapshot.of(self.path) == self
+
+    def check(self) -> None:
+        """Raise StoreError if another file is there, or this one has changed."""
+        if not self.is_there():
+            what = "was replaced or changed by another program in the meantime"
+            raise StoreError(f"{self.path} {what}; run the same command again")
 
 
 def is_foreign(file: Path) -> bool:
@@ -199,12 +221,14 @@ def _read_attributes(path: Path, *_stamp: int) -> dict[str, Any]:
     with open(path, "rb") as stream:
         if not stream.read(8).startswith(_MAGIC):
             raise Unreadable("it does not begin like one")
+    if seal is None and (damage := _damage_of(path, *_stamp)):
+        raise Unreadable(damage)
     import netCDF4
 
     try:
         with netCDF4.Dataset(path) as nc:
             values = {name: nc.getncattr(name) for name in nc.ncattrs()}
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, AttributeError) as error:
         if seal:
             raise
         raise Unreadable(getattr(error, "strerror", None) or str(error)) from error
@@ -212,6 +236,12 @@ def _read_attributes(path: Path, *_stamp: int) -> dict[str, Any]:
         name: value.tolist() if hasattr(value, "tolist") else value
         for name, value in values.items()
     }
+
+
+@lru_cache(maxsize=16)
+def _damage_of(path: Path, *_stamp: int) -> str:
+    """Return `damage_of` a file, found out once while the file stays as it is."""
+    return damage_of(path)
 
 
 def change_of(path: Path) -> str:
@@ -222,30 +252,47 @@ def change_of(path: Path) -> str:
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """For the time of a `with` that reads a result file: raises StoreError if the file is none, or
-    if something fails on one that has changed since tcstudy wrote it, which is told. What fails on
-    a whole file passes as it is."""
-    if path in _READ_NOW or not (change := change_of(path)):
-        yield
+def reading(path: Path) -> Iterator[Snapshot]:
+    """Read one file, and no other, for the time of a `with`; gives which one it is.
+
+    That the file has changed since tcstudy wrote it is told. Raises StoreError if the file is none,
+    if its contents do not fit together, or if another one has taken its place before the end.
+    """
+    snapshot = Snapshot.of(path)
+    if path in _READ_NOW:
+        yield snapshot
         return
-    tell([change])
+    change = change_of(path)
+    tell([change] if change else [])
+    misfits = (*_MISFITS, OSError, Warning) if change else _MISFITS
     _READ_NOW.add(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
+        if change:
+            warnings.simplefilter("error", RuntimeWarning)
         try:
-            yield
-        except _FAULTS as error:
+            yield snapshot
+        except UserFault:
+            snapshot.check()
+            raise
+        except misfits as error:
+            snapshot.check()
             cause = f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
-            raise StoreError(
-                f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). {ANEW}"
-            ) from error
+            raise StoreError(_misfit(path, change, cause)) from error
         finally:
             _READ_NOW.discard(path)
+    snapshot.check()
+
+
+def _misfit(path: Path, change: str, cause: str) -> str:
+    if change:
+        what = "was changed after tcstudy wrote it and does not hold what it should"
+        return f"{path} {what} ({cause}). {ANEW}"
+    what = "is as tcstudy wrote it, but its contents do not fit together"
+    return f"{path} {what} ({cause}). {ANEW}; if that does not help, it is a fault of tcstudy"
 
 
 _READ_NOW: set[Path] = set()
-"""Changed files that a `reading` is at, within which others say nothing more."""
+"""Files that a `reading` is at, within which others say nothing more."""
 
 
 def _says_ours(found: dict[str, Any]) -> bool:
