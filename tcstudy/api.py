@@ -288,7 +288,11 @@ def _result(
         target = cached(kind, study, **what_decides(kind, study, more.get("at")))
         why = why_again(target, study)
     words = ("tcstudy." + {"convergence": "converge", "cost": "cost"}.get(kind, "run"),)
-    _, whole, _ = do(kind, study, target, words, why if progress else None, force, **more)
+    # who comes second finds the results that another process keeps under the same name
+    wait = output is None
+    _, whole, _ = do(
+        kind, study, target, words, why if progress else None, force, wait=wait, **more
+    )
     if whole and kind != "history":  # which warns by itself
         tell_stored(target)
     return Result(target, "" if whole else why, warned=True)

@@ -8,10 +8,13 @@ can mend is a kind of tcstudy.UserFault. Left out: making result files (`tcstudy
 from __future__ import annotations
 
 import base64
+import glob
 import html
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path as FilePath
@@ -128,15 +131,22 @@ class Result:
         import shutil
 
         from tcstudy.data.files import check_writable, replace_file
+        from tcstudy.data.records import Journal
 
         target = FilePath(target)
         if faults := check_writable(target):
             raise StoreError("; ".join(faults))
-        if target.exists() and not force and target.read_bytes() != self.file.read_bytes():
-            raise StoreError(
-                f"{target} is there already; give another name, or force=True to replace it"
-            )
-        replace_file(target, lambda aside: shutil.copyfile(self.file, aside), sealed=False)
+
+        def copy(aside: FilePath) -> None:
+            shutil.copyfile(self.file, aside)
+
+        with Journal.lock(target) as lock:
+            is_other = target.exists() and target.read_bytes() != self.file.read_bytes()
+            if is_other and not force:
+                raise StoreError(
+                    f"{target} is there already; give another name, or force=True to replace it"
+                )
+            replace_file(target, copy, sealed=False, seen=None if force else lock.seen)
         return Result(target, self.note, warned=self.warned)
 
     def draw(self, target: str | FilePath | None = None, **wanted: Any) -> FilePath | Figure:
@@ -177,7 +187,7 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
     cache folder.
 
     Its name has all that decides them: study, options, and versions of the program and its
-    libraries.
+    libraries. A file of that name that does not hold them, for example a damaged one, is removed.
     """
     from tcstudy.data.files import program, study_sha256
 
@@ -185,7 +195,40 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
         repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()
     ).hexdigest()
     stem = study.source.stem if study.source is not None else "study"
-    return cache_folder() / f"{stem}-{kind}-{key[:16]}.nc"
+    name = f"{stem}-{kind}-{key[:16]}.nc"
+    target = cache_folder() / name
+    try:
+        _remove_damaged(target, kind, study, asked)
+    except (OSError, StoreError) as error:
+        tell([_KEPT_NOWHERE.format(reason=getattr(error, "strerror", None) or error)])
+        target = FilePath(_temporary_folder().name) / name
+    return target
+
+
+def _remove_damaged(
+    target: FilePath, kind: Kind, study: Study, asked: Mapping[str, object]
+) -> None:
+    """Remove a file of the cache that does not hold what its name says. Raises OSError."""
+    from tcstudy.data.files import holds
+
+    def is_damaged() -> bool:
+        try:
+            return target.exists() and not holds(target, kind, study, **asked)
+        except StoreError:
+            return True
+
+    if is_damaged():
+        from tcstudy.data.records import Journal
+
+        with Journal.lock(target, wait=True):
+            if is_damaged():
+                target.unlink(missing_ok=True)
+
+
+_KEPT_NOWHERE = (
+    "the result is kept until Python ends only: its cache folder cannot be written ({reason}); "
+    "name a file, or set TCSTUDY_CACHE to a folder that can be written"
+)
 
 
 def cache_folder() -> FilePath:
@@ -200,12 +243,7 @@ def cache_folder() -> FilePath:
         tempfile.TemporaryFile(dir=folder).close()
     except (OSError, RuntimeError) as error:  # RuntimeError: the user has no home
         reason = getattr(error, "strerror", None) or str(error)
-        tell(
-            [
-                f"the result is kept until Python ends only: its cache folder cannot be written "
-                f"({reason}); name a file, or set TCSTUDY_CACHE to a folder that can be written"
-            ]
-        )
+        tell([_KEPT_NOWHERE.format(reason=reason)])
         return FilePath(_temporary_folder().name)
     prune(folder)
     return folder
@@ -234,22 +272,41 @@ def why_again(target: FilePath, study: Study) -> str:
     from tcstudy.data.files import attributes
     from tcstudy.read.document import changes
 
-    pattern = f"{target.name.removesuffix('.nc')[:-16]}{'?' * 16}.nc"
-    before = [file for file in target.parent.glob(pattern) if file != target]
-    if not before:
-        return "computed now"
-    last = attributes(max(before, key=lambda file: file.stat().st_mtime))
-    different = changes(str(last["study_yaml"]), str(last["overrides"]).splitlines(), study)
-    return f"computed now: {', '.join(different) or 'the program or an option is another'}"
+    pattern = f"{glob.escape(target.name.removesuffix('.nc')[:-16])}{'?' * 16}.nc"
+    earlier = [file for file in _own_files(target.parent, pattern) if file != target]
+    for file in earlier:
+        with suppress(StoreError, OSError, LookupError):
+            last = attributes(file)
+            overrides = str(last["overrides"]).splitlines()
+            different = changes(str(last["study_yaml"]), overrides, study)
+            return f"computed now: {', '.join(different) or 'the program or an option is another'}"
+    return "computed now"
 
 
 def prune(folder: FilePath) -> None:
-    """Remove the oldest results of the cache, down to MOST_CACHED bytes."""
-    files, total = sorted(folder.glob("*-*.nc"), key=lambda file: -file.stat().st_mtime), 0
-    for file in files:
-        total += file.stat().st_size
-        if total > MOST_CACHED and file != files[0]:
-            file.unlink(missing_ok=True)
+    """Remove the oldest results of the cache, down to MOST_CACHED bytes; files of others stay."""
+    total = 0
+    for number, file in enumerate(_own_files(folder, "*")):
+        with suppress(OSError):  # another process may have removed it
+            total += file.stat().st_size
+            if total > MOST_CACHED and number > 0:
+                file.unlink(missing_ok=True)
+
+
+_OWN_NAME = re.compile(
+    r".+-(run|path|history|fit|convergence|cost)-[0-9a-f]{16}\.nc(\.partial\.old\d*)?"
+)
+"""Names of the files that `cached` makes, and of journals that a run has set aside beside them."""
+
+
+def _own_files(folder: FilePath, pattern: str) -> list[FilePath]:
+    """Return the files of the cache, the latest first."""
+    times = dict[FilePath, float]()
+    for file in folder.glob(pattern):
+        with suppress(OSError):
+            if _OWN_NAME.fullmatch(file.name) and file.is_file() and not file.is_symlink():
+                times[file] = file.stat().st_mtime
+    return sorted(times, key=lambda file: -times[file])
 
 
 def _file(of: Result | str | FilePath) -> FilePath:

@@ -7,7 +7,7 @@ import argparse
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ from tcstudy.errors import StudyError, UsageError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from tcstudy.data.files import Snapshot
     from tcstudy.reports.figures.scene import SceneShape
     from tcstudy.reports.figures.style import Look, Size
     from tcstudy.scene.records import Body
@@ -85,7 +86,7 @@ ASKED = (
 )
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind, or the scene of a study."""
-    from tcstudy.data.files import tell_stored
+    from tcstudy.data.files import reading, tell_stored
     from tcstudy.reports.figures.draw import pair_of
 
     target, asked = (
@@ -101,11 +102,13 @@ def draw(options: argparse.Namespace) -> int:
     try:
         if options.map is not None:
             asked["map"] = pair_of(options.map)
-        words = picture(
-            options.file, target, options.overrides, at=point_of(options) or None, **asked
-        )
-        if options.file.suffix.lower() not in SUFFIXES:
-            tell_stored(options.file)
+        is_study = options.file.suffix.lower() in SUFFIXES
+        with nullcontext() if is_study else reading(options.file):
+            words = picture(
+                options.file, target, options.overrides, at=point_of(options) or None, **asked
+            )
+            if not is_study:
+                tell_stored(options.file)
         print(words)
     except UsageError as fault:
         fail(f"--{fault}")
@@ -133,7 +136,12 @@ def picture(
 
     if target is not None:
         style.check_target(target)
+    source: Snapshot | None = None
     stored = what if isinstance(what, Path) and what.suffix.lower() not in SUFFIXES else None
+    if stored is not None:
+        from tcstudy.data.files import Snapshot
+
+        source = Snapshot.of(stored)
     with (
         drawn(stored, **asked) if stored else _scene(what, overrides, **asked) as (
             figure,
@@ -143,6 +151,8 @@ def picture(
     ):
         if target is None:
             return figure if look.into is not None else style.shown(figure, look.dpi)
+        if source is not None:
+            source.check()
         style.save(figure, target, look.dpi)
     return f"{target}: {words}"
 
@@ -272,6 +282,14 @@ _INDICES = "of a run with drawn points: the number whose Sobol indices to show (
 )
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge or cost said."""
+    from tcstudy.data.files import reading
+
+    with reading(options.file):
+        _show(options)
+    return OK
+
+
+def _show(options: argparse.Namespace) -> None:
     from tcstudy.data.files import attributes, kind_of
     from tcstudy.scene.designs import SALTELLI
 
@@ -283,7 +301,6 @@ def show(options: argparse.Namespace) -> int:
         remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
         fail(f"--of: the points of {options.file} are no design for indices; {remedy}")
     say(options, options.file, of=options.of or ("slip_length" if design == SALTELLI else None))
-    return OK
 
 
 @command(
@@ -293,14 +310,15 @@ def show(options: argparse.Namespace) -> int:
 )
 def report(options: argparse.Namespace) -> int:
     """Make one HTML page of a file of any kind."""
-    from tcstudy.data.files import tell_stored
+    from tcstudy.data.files import reading, tell_stored
     from tcstudy.reports.page.write import write_page
 
     target = options.output or options.file.with_suffix(".html")
     if target.suffix.lower() not in (".html", ".htm"):
         fail(f"{target}: a page's name ends in .html; choose such a name")
-    written = write_page(options.file, target)
-    tell_stored(options.file)
+    with reading(options.file):
+        written = write_page(options.file, target)
+        tell_stored(options.file)
     print(written.words)
     return OK
 
@@ -331,12 +349,13 @@ def export(options: argparse.Namespace) -> int:
         )
     if options.level is not None and options.form != "vtu":
         fail("--level: a table has all levels; leave it out")
-    from tcstudy.data.files import tell_stored
+    from tcstudy.data.files import reading, tell_stored
 
-    tell_stored(options.file)
-    target, lines = exported(
-        options.file, options.form, options.output, point_of(options), options.level
-    )
+    with reading(options.file):
+        tell_stored(options.file)
+        target, lines = exported(
+            options.file, options.form, options.output, point_of(options), options.level
+        )
     print("\n".join((f"{target}: {lines[0]}", *lines[1:])))
     return OK
 

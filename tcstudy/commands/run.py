@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,9 @@ from tcstudy.commands.shared import (
 
 if TYPE_CHECKING:
     from tcstudy.data.files import Kind
+    from tcstudy.reports.terminal.progress import Progress
     from tcstudy.scene.study import Study
+    from tcstudy.study.run import Kept
 
 KEPT = {
     "run": "finished points are kept, the same command goes on from there",
@@ -246,13 +249,18 @@ def do(
     jobs: int | None = None,
     dask: str | None = None,
     at: Mapping[str, Any] | None = None,
+    wait: bool = False,
 ) -> tuple[Path, bool, str]:
     """Make the file of a study's results; returns its name, whether it had all of them, and what it
     had, in words.
 
+    The lock of the file is taken for the work. What is there is judged before, so that nobody waits
+    who has nothing to write, and again if the file is another one by then.
+
     kind:  of the results;  words: the command, for the file's history
     first: what is said before the work, whose progress is then shown; None for silence
     append, jobs, dask: as of `tcstudy.run`;  at: of convergence and cost, a point by its labels
+    wait:  for another process that writes the file, which is refused otherwise
 
     Raises StoreError where the file holds something else, which only `force` replaces; UsageError
     for options that do not go together, or not with what the study asks for; else as the work does.
@@ -273,65 +281,117 @@ def do(
     with closing(pool.ready(study) if at_once else pool):
         output = usable(kind, study, output)
         point, index = place_of(study, at) if at or kind == "cost" else ("", ())
-        there, swept = (
-            "holds these results already; --force computes them again",
-            [axis.name for axis in study.axes],
-        )
+        swept = [axis.name for axis in study.axes]
         study = outside_the_sweep(study) if kind == "path" else study
-        if kind == "run":
-            from tcstudy.study.run import execute, what_is_left
+        if kind == "history":
+            return _follow_history(study, output, words, first, force, jobs, dask, wait)
+        from tcstudy.data.files import PARTIAL, Snapshot, check_writable
 
-            study, kept = what_is_left(study, output, force, append)
-            if not kept.todo.any():
-                return output, True, "has all these points" if append else there
-        elif kind != "history" and not force:
-            from tcstudy.data.files import holds
+        there = "holds these results already; --force computes them again"
+        there = "has all these points" if append else there
+        look = partial(_look, kind, study, output, force, append, at)
+        snapshot = Snapshot.of(output)
+        whole, study, kept = look()
+        if whole and not output.with_name(output.name + PARTIAL).exists():
+            return output, True, there
+        from tcstudy.data.records import Journal, remove_finished
 
-            if holds(output, kind, study, **what_decides(kind, study, at)):
-                return output, True, there
-        from tcstudy.errors import Stream
-        from tcstudy.reports.terminal.progress import Progress
+        if whole:
+            remove_finished(output, study)
+            return output, True, there
+        with Journal.lock(output, wait) as journal:
+            if not snapshot.is_there():
+                if problems := check_writable(output, 0):
+                    fail("\n".join(problems))
+                whole, study, kept = look()
+                if whole:
+                    return output, True, there
+            if force:
+                journal.seen = None
+            with closing(_progress(study, first)) as progress:
+                match kind:
+                    case "run":
+                        from tcstudy.study.run import execute
 
-        with closing(Progress(study, Stream(None) if first is None else None)) as progress:
-            if first:
-                progress.event(first)
-            match kind:
-                case "run":
-                    execute(study, output, progress, words, jobs, dask, kept, pool)
-                case "path":
-                    from tcstudy.study.path_run import execute_path
+                        execute(study, output, progress, words, jobs, dask, kept, pool, journal)
+                    case "path":
+                        from tcstudy.study.path_run import execute_path
 
-                    execute_path(study, output, progress.path, words, swept)
-                case "history":
-                    from tcstudy.study.history_run import execute_history
+                        execute_path(study, output, progress.path, words, swept, journal)
+                    case "fit":
+                        from tcstudy.study.fit import fit
+                        from tcstudy.study.run import to_file
 
-                    done = execute_history(
-                        study, output, progress.history, words, force, jobs, dask
-                    )
-                    if study.history is not None and done.resumed == done.points * (
-                        study.history.steps + 1
-                    ):
-                        return output, True, there
-                    return (
-                        output,
-                        False,
-                        f"held {done.resumed} steps; the others were added" if done.resumed else "",
-                    )
-                case "fit":
-                    from tcstudy.study.fit import fit
-                    from tcstudy.study.run import to_file
+                        find = partial(fit, study, progress.event)
+                        to_file(output, study, words, find, lock=journal)
+                    case "convergence":
+                        from tcstudy.study.convergence import converge_to_file
 
-                    to_file(output, study, words, lambda: fit(study, progress.event))
-                case "convergence":
-                    from tcstudy.study.convergence import converge_to_file
+                        converge_to_file(study, output, progress.event, words, journal)
+                    case "cost":
+                        from tcstudy.study.cost import RUNS, cost_to_file
 
-                    converge_to_file(study, output, progress.event, words)
-                case "cost":
-                    from tcstudy.study.cost import RUNS, cost_to_file
-
-                    progress.event(f"time unknown until the first of {RUNS} runs has measured it")
-                    cost_to_file(study, index, point, RUNS, output, progress.cost, words)
+                        progress.event(
+                            f"time unknown until the first of {RUNS} runs has measured it"
+                        )
+                        cost_to_file(
+                            study, index, point, RUNS, output, progress.cost, words, journal
+                        )
     return output, False, ""
+
+
+def _look(
+    kind: Kind,
+    study: Study,
+    output: Path,
+    force: bool,
+    append: bool,
+    at: Mapping[str, Any] | None,
+) -> tuple[bool, Study, Kept | None]:
+    """Return whether a file has all that is asked for, of which study it then is, and what of a run
+    it keeps. Raises StoreError where it holds something else."""
+    if kind == "run":
+        from tcstudy.study.run import what_is_left
+
+        whole_study, kept = what_is_left(study, output, force, append)
+        return not kept.todo.any(), whole_study, kept
+    from tcstudy.data.files import holds
+
+    whole = not force and holds(output, kind, study, **what_decides(kind, study, at))
+    return whole, study, None
+
+
+def _progress(study: Study, first: str | None) -> Progress:
+    """Return what shows the progress of the work, after a first line; it is silent without one."""
+    from tcstudy.errors import Stream
+    from tcstudy.reports.terminal.progress import Progress
+
+    progress = Progress(study, Stream(None) if first is None else None)
+    if first:
+        progress.event(first)
+    return progress
+
+
+def _follow_history(
+    study: Study,
+    output: Path,
+    words: Sequence[str],
+    first: str | None,
+    force: bool,
+    jobs: int | None,
+    dask: str | None,
+    wait: bool,
+) -> tuple[Path, bool, str]:
+    """Do what `do` does, of a history, which goes on with the steps that a file has."""
+    from tcstudy.study.history_run import execute_history
+
+    with closing(_progress(study, first)) as progress:
+        done = execute_history(study, output, progress.history, words, force, jobs, dask, wait)
+    steps = done.points * (1 + (study.history.steps if study.history is not None else 0))
+    if done.resumed == steps:
+        return output, True, "holds these results already; --force computes them again"
+    held = f"held {done.resumed} steps; the others were added" if done.resumed else ""
+    return output, False, held
 
 
 def what_decides(

@@ -311,12 +311,17 @@ PROTECTED = "the file is write-protected"
 
 
 def replace_file(
-    path: Path, make: Callable[[Path], object], kept: str = "", sealed: bool = True
+    path: Path,
+    make: Callable[[Path], object],
+    kept: str = "",
+    sealed: bool = True,
+    seen: Snapshot | None = None,
 ) -> None:
     """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
 
     kept:   what of the work is not lost if that fails, for the message
     sealed: whether it is a result file, which ends in a seal
+    seen:   the only file that may be replaced; None for any
     Raises StoreError if the file cannot be written; the old one is then untouched.
     """
     target, aside = Path(os.path.realpath(path)), aside_of(path)
@@ -333,6 +338,8 @@ def replace_file(
             os.fsync(stream.fileno())
         if target.exists():
             shutil.copymode(target, aside)
+        if seen is not None:
+            seen.check()
         os.replace(aside, target)
         sync_directory(target.parent)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
@@ -471,11 +478,12 @@ def write_dataset(
     attributes: Mapping[str, Any],
     fill: Callable[[netCDF4.Dataset], None],
     kept: str = "",
+    seen: Snapshot | None = None,
 ) -> None:
     """Write a result file, replacing an old one in one step: its global attributes, then what
     `fill` puts into it.
 
-    kept: as in `replace_file`
+    kept, seen: as in `replace_file`
     Raises StoreError if it cannot be written; the old one is then untouched.
     """
 
@@ -494,7 +502,7 @@ def write_dataset(
             nc.setncattr(FINISHED, np.int32(1))
 
     remove_stale(path)
-    replace_file(path, make, kept)
+    replace_file(path, make, kept, seen=seen)
 
 
 def _protected(path: Path) -> bool:

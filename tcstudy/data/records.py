@@ -9,8 +9,9 @@ The journal keeps finished points while a run goes on, in an SQLite file `<outpu
 the output. A record is in it when `add` returns, whatever becomes of the process. It is brought to
 the disk at once unless others were less than SYNC_SECONDS before, so that a power cut takes at most
 those that the system had not written by itself. The file is locked for as long as its process lives
-(SQLite's exclusive mode): two runs cannot share an output. A journal of another study, of other
-versions of the numerics, or a damaged one is set aside, never deleted.
+(SQLite's exclusive mode): it is the lock of the output, which every command takes before it looks
+at what is there. A journal of another study, of other versions of the numerics, or a damaged one is
+set aside, never deleted; one without a finished point goes when its run ends.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from numpy.typing import NDArray
 from tcstudy.data.files import (
     PARTIAL,
     Kind,
+    Snapshot,
     program,
     remove_stale,
     special_file,
@@ -190,6 +192,8 @@ def record_of(row: Row) -> Any:
     )
 
 
+WAIT_SECONDS = 0.1
+"""Time after which the lock of another process is tried again."""
 SYNC_SECONDS = 0.25
 """Time after which a record is brought to the disk again, which costs some 10 ms."""
 OTHER = "choose another output"
@@ -206,40 +210,115 @@ _FAULTS = (sqlite3.DatabaseError, ValueError, TypeError, LookupError, AttributeE
 """What a journal with damaged or foreign content may raise."""
 
 
+class Busy(StoreError):
+    """Another process has the lock of an output."""
+
+
 class Journal:
-    """The open journal of one run. Make it with `Journal.open`.
+    """The journal of one output, whose lock this process has. Make it with `lock` and `begin`, or
+    with `open`.
 
     warnings: sentences for the user, for example that an old journal was set aside
+    seen:     what stands in place of the output since it is locked, and may be replaced; None if anything may be
     """
+
+    seen: Snapshot | None = None
 
     def __init__(
         self, path: Path, connection: sqlite3.Connection, warnings: Sequence[str] = ()
     ) -> None:
-        self.path, self.warnings = path, warnings
+        self.path, self.warnings = path, [*warnings]
         self._connection, self._synced, self._closed = connection, -SYNC_SECONDS, False
 
     @classmethod
-    def open(cls, output: Path, study: Study) -> Journal:
-        """Create the journal of `output`, or resume it if it is of the same study and numerics.
-        Raises StoreError if another run is writing to the same output or the directory cannot be
-        written."""
-        path = Path(os.path.realpath(output))
-        path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
+    def lock(cls, output: Path, wait: bool = False) -> Journal:
+        """Take the lock of an output, before anything that stands in its place is judged.
+
+        wait: until another process that has it ends
+        Raises Busy if another process has it, StoreError if the directory cannot be written.
+        """
+        path = journal_path(output)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. {OTHER}") from error
-        header = json.dumps({"study_sha256": study_sha256(study), "program": program()})
-        (connection, why), warnings = connect(path, header), list[str]()
-        if why:
-            kept = set_aside(path, connection)
-            warnings = [f"{path.name} {why}; it is kept as {kept.name} and the run starts anew"]
-            connection, why = connect(path, header)
-        if why:
-            raise StoreError(f"cannot start the journal {path}: {why}. {OTHER}")
+        while True:
+            try:
+                connection, damage = connect(path)
+                break
+            except Busy:
+                if not wait:
+                    raise
+                time.sleep(WAIT_SECONDS)
+        journal = cls(path, connection)
+        if damage:
+            journal._replace(damage)
         remove_stale(output, alone=True)
         sync_directory(path.parent)
-        return cls(path, connection, warnings)
+        journal.seen = Snapshot.of(output)
+        return journal
+
+    @classmethod
+    def open(cls, output: Path, study: Study) -> Journal:
+        """Take the lock of an output and begin its journal. Raises as `lock` and `begin` do."""
+        journal = cls.lock(output)
+        try:
+            journal.begin(study)
+        except BaseException:
+            journal.close()
+            raise
+        return journal
+
+    def begin(self, study: Study) -> None:
+        """Resume the journal if it is of this study and these numerics, else begin it anew.
+
+        Raises StoreError if it cannot be written.
+        """
+        header = _header(study)
+        try:
+            why = _look_into(self._connection, header)
+        except _FAULTS as error:
+            why = _damage(self.path, error)
+        if why and self._is_empty():
+            self._restart()
+        elif why:
+            self._replace(why)
+        if why and (why := _look_into(self._connection, header)):
+            raise StoreError(f"cannot start the journal {self.path}: {why}. {OTHER}")
+
+    def _replace(self, why: str) -> None:
+        """Set the journal aside and lock a new one. Raises StoreError."""
+        kept = set_aside(self.path, self._connection)
+        self.warnings.append(
+            f"{self.path.name} {why}; it is kept as {kept.name} and the run starts anew"
+        )
+        self._connection, why = connect(self.path)
+        if why:
+            raise StoreError(f"cannot start the journal {self.path}: {why}. {OTHER}")
+
+    def _restart(self) -> None:
+        """Empty a journal that has no finished point."""
+        with suppress(sqlite3.Error):
+            self._connection.rollback()
+        self._connection.execute("BEGIN EXCLUSIVE")
+        self._connection.execute("DELETE FROM record")
+
+    def _is_empty(self) -> bool:
+        """Return whether this is a sound journal without a finished point."""
+        try:
+            tables = self._connection.execute("SELECT name FROM sqlite_master").fetchall()
+            block = "SELECT 1 FROM record WHERE kind = 'block' LIMIT 1"
+            return not tables or not self._connection.execute(block).fetchall()
+        except sqlite3.Error:
+            return False
+
+    def belongs_to(self, study: Study) -> bool:
+        """Return whether the journal, which was not begun, is of this study and these numerics."""
+        try:
+            rows = self._connection.execute(f"{SELECT} ORDER BY rowid LIMIT 1").fetchall()
+        except sqlite3.Error:
+            return False
+        return bool(rows) and rows[0][4] == _header(study)
 
     def add(self, record: BlockRecord | LevelRecord, body: int = 0) -> None:
         """Keep a record of a body; a second one of the same place replaces it. Raises StoreError if
@@ -267,20 +346,23 @@ class Journal:
         return map(record_of, self._connection.execute(f"{SELECT} {where}", (body, kind)))
 
     def close(self) -> None:
-        """Bring all to the disk and give up the lock; the journal stays for a later run. Twice does
-        no harm."""
+        """Bring all to the disk and give up the lock; a journal with finished points stays for a
+        later run. Twice does no harm."""
+        if not self._closed and self._is_empty():
+            self.discard()
         self._closed = True
         self._connection.close()
 
     def discard(self) -> None:
-        """Remove the journal. Only when the netCDF file is in place."""
+        """Remove the journal. Only when the netCDF file is in place, or where no point is in it."""
         if not self._closed:
+            self._closed = True
             alone(self._connection)
             if os.name == "nt":  # an open file cannot be removed there
                 self._connection.close()
-            # removed before the lock goes, so that no other run can get hold of the dying file
+            # removed before the lock goes; who has opened the dying file sees that it is not there
             self.path.unlink(missing_ok=True)
-            self.close()
+            self._connection.close()
 
     def __enter__(self) -> Journal:
         return self
@@ -289,47 +371,97 @@ class Journal:
         self.close()
 
 
+MAX_REMOVALS = 20
+"""Times that another run may end, and remove its journal, while this one opens it."""
 LEAST = 512
 """Bytes of the smallest database: SQLite begins what is shorter anew, whatever it is."""
 
 
-def connect(path: Path, header: str) -> tuple[sqlite3.Connection, str]:
-    """An open, locked journal, and why it is not one with this header ("" if it is). Raises
-    StoreError."""
+def journal_path(output: Path) -> Path:
+    """Return the file of the journal of an output, links followed."""
+    path = Path(os.path.realpath(output))
+    return Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
+
+
+def _header(study: Study) -> str:
+    return json.dumps({"study_sha256": study_sha256(study), "program": program()})
+
+
+def remove_finished(output: Path, study: Study) -> None:
+    """Remove the journal of a study whose file is complete, which a run leaves that is killed after
+    it has written the file. One of another study, or at work, stays."""
+    if journal_path(output).exists():
+        with suppress(StoreError), Journal.lock(output) as journal:
+            if journal.belongs_to(study):
+                journal.discard()
+
+
+def connect(path: Path) -> tuple[sqlite3.Connection, str]:
+    """Return an open, locked journal, and why it is damaged ("" if it is not).
+
+    Raises Busy, StoreError.
+    """
     if what := special_file(path):
         raise StoreError(f"{path} is {what}, no file. Remove it or {OTHER}")
-    connection: sqlite3.Connection | None = None
-    try:
-        if path.exists() and 0 < path.stat().st_size < LEAST:
-            return sqlite3.connect(":memory:"), "is damaged (too short for a journal)"
-        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None)
-        # locked before anything is judged: what another run is writing must not be set aside
-        for statement in (
-            "PRAGMA locking_mode = EXCLUSIVE",
-            "PRAGMA journal_mode = WAL",
-            "BEGIN EXCLUSIVE",
-        ):
-            connection.execute(statement)
-        return connection, _look_into(connection, header)
-    except _FAULTS as error:
-        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-        # SQLite also calls a file with a damaged header read-only
-        forbidden = code == sqlite3.SQLITE_READONLY and not os.access(path, os.W_OK)
-        if (
-            connection is not None
-            and not forbidden
-            and code not in (sqlite3.SQLITE_BUSY, *_OBSTACLES)
-        ):
-            line = (str(error).splitlines() or [type(error).__name__])[0]
-            return connection, f"is damaged ({shortened(line, 100)})"
+    for _ in range(MAX_REMOVALS):
+        connection: sqlite3.Connection | None = None
+        try:
+            # made here, and never opened where it is there: closing it would give up its lock
+            with suppress(FileExistsError):
+                os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
+            number = os.stat(path).st_ino
+            if 0 < path.stat().st_size < LEAST:
+                return sqlite3.connect(":memory:"), "is damaged (too short for a journal)"
+            connection = sqlite3.connect(path, timeout=0.2, isolation_level=None)
+            for statement in (
+                "PRAGMA locking_mode = EXCLUSIVE",
+                "PRAGMA journal_mode = WAL",
+                "BEGIN EXCLUSIVE",
+                # a write, because SQLite opens a file that it must not write without a word
+                "PRAGMA user_version = 1",
+            ):
+                connection.execute(statement)
+            if _is_at(path, number):
+                return connection, ""
+        except FileNotFoundError:  # removed by the run that had it
+            pass
+        except (*_FAULTS, OSError) as error:
+            # an error of a file that its run has removed meanwhile says nothing
+            if connection is None or _is_at(path, number):
+                damage = _damage(path, error)
+                if connection is not None and damage:
+                    return connection, damage
+                raise StoreError(
+                    f"cannot use the journal {path}: {error}. Make room there or {OTHER}"
+                ) from error
         if connection is not None:
             connection.close()
-        if code == sqlite3.SQLITE_BUSY:
-            what = f"another run is writing to the same output ({path} is locked)"
-            raise StoreError(f"{what}. Wait for it or {OTHER}") from error
-        raise StoreError(
-            f"cannot use the journal {path}: {error}. Make room there or {OTHER}"
-        ) from error
+    raise StoreError(f"{path} is removed again and again by other programs; {OTHER}")
+
+
+def _is_at(path: Path, number: int) -> bool:
+    """Return whether the file with this number is at a path."""
+    try:
+        return os.stat(path).st_ino == number
+    except OSError:
+        return False
+
+
+def _damage(path: Path, error: Exception) -> str:
+    """Return what an error says of damage in a journal; empty for an obstacle.
+
+    Raises Busy where another process has the lock.
+    """
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if code == sqlite3.SQLITE_BUSY:
+        what = f"another run is writing to the same output ({path} is locked)"
+        raise Busy(f"{what}. Wait for it or {OTHER}") from error
+    # SQLite also calls a file with a damaged header read-only
+    is_forbidden = code == sqlite3.SQLITE_READONLY and not os.access(path, os.W_OK)
+    if is_forbidden or code in _OBSTACLES or isinstance(error, OSError):
+        return ""
+    line = (str(error).splitlines() or [type(error).__name__])[0]
+    return f"is damaged ({shortened(line, 100)})"
 
 
 def _look_into(connection: sqlite3.Connection, header: str) -> str:
@@ -338,9 +470,8 @@ def _look_into(connection: sqlite3.Connection, header: str) -> str:
     if not connection.execute("SELECT name FROM sqlite_master").fetchall():
         for statement in _TABLES:
             connection.execute(statement)
+    if not connection.execute("SELECT 1 FROM record LIMIT 1").fetchall():
         connection.execute(_INSERT, checked("header", 0, 0, 0, header, b""))
-    # a write, because SQLite opens a file that it must not write without a word, locking or not
-    connection.execute("PRAGMA user_version = 1")
     if (verdict := connection.execute("PRAGMA quick_check").fetchone()[0]) != "ok":
         raise ValueError(verdict)
     rows = connection.execute(f"{SELECT} ORDER BY rowid")

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import CONTENT, without_directories, without_paths, write_dataset
+from tcstudy.data.files import CONTENT, Snapshot, without_directories, without_paths, write_dataset
 from tcstudy.data.records import BlockRecord, LevelRecord, Record
 from tcstudy.data.schema import (
     GEOMETRIES,
@@ -99,12 +99,14 @@ def write(
     whole: Results,
     geometries: Mapping[int, Results] | None = None,
     done: Callable[[], object] = tuple,
+    seen: Snapshot | None = None,
 ) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
     geometries: of a sweep over geometries, those that have a mesh, by number; `whole` has the
     points of the others
     done: called when all is read, before the old file goes
+    seen: the only file at `path` that may be replaced; None for any
     Returns how many solutions were sought, on all levels, and how many of them failed.
 
     Raises StoreError if the file cannot be written (the old one is then untouched).
@@ -125,13 +127,22 @@ def write(
     names = axis_names(study.axes) if study.axes else ()
     swept_loads = " ".join(names[d] for d in load_axes(study))
     of_run |= {BRANCH: study.solver.branch, SWEPT_LOADS: swept_loads}
-    write_dataset(path, {**whole.attributes, **of_run}, make, KEPT)
+    write_dataset(path, {**whole.attributes, **of_run}, make, KEPT, seen)
     return counts[0]
 
 
-def write_record(path: Path, study: Study, record: Record, attributes: Mapping[str, Any]) -> None:
-    """Write a record to `path`, replacing an old file in one step; raises StoreError if that is not
-    possible."""
+def write_record(
+    path: Path,
+    study: Study,
+    record: Record,
+    attributes: Mapping[str, Any],
+    seen: Snapshot | None = None,
+) -> None:
+    """Write a record to `path`, replacing an old file in one step.
+
+    seen: the only file at `path` that may be replaced; None for any
+    Raises StoreError if that is not possible.
+    """
     texts = {
         name: without_paths(v) if isinstance(v, str) else v for name, v in record.attributes.items()
     }
@@ -149,7 +160,7 @@ def write_record(path: Path, study: Study, record: Record, attributes: Mapping[s
                 put_axes(nc, study)
             put_all(nc, record.tables, values, study)
 
-    write_dataset(path, {**attributes, CONTENT: record.kind, **texts}, make)
+    write_dataset(path, {**attributes, CONTENT: record.kind, **texts}, make, seen=seen)
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:

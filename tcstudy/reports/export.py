@@ -43,7 +43,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.bodies import StoredBody, unmasked
-from tcstudy.data.files import WARNINGS, check_writable, kind_of, reading, remarks_of, replace_file
+from tcstudy.data.files import (
+    WARNINGS,
+    check_writable,
+    kind_from,
+    kind_of,
+    reading,
+    remarks_of,
+    replace_file,
+)
 from tcstudy.data.reading import by_point, load_root, open_root
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import StoreError, UsageError
@@ -337,12 +345,13 @@ def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = No
     """
     if faults := check_writable(target):
         raise StoreError("; ".join(faults))
-    kind, written, as_csv = kind_of(path), 0, target.suffix == ".csv"
-    if point and kind in (*ROWS, "cost"):
-        raise UsageError(
-            f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out"
-        )
-    with reading(path), open_root(path) as root:
+    written, as_csv = 0, target.suffix == ".csv"
+    with reading(path) as source, open_root(path) as root:
+        kind = kind_from(root.attrs)
+        if point and kind in (*ROWS, "cost"):
+            raise UsageError(
+                f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out"
+            )
         wanted = matching(root, point) if point else None
         dims = tuple(map(str, root["status"].dims)) if "status" in root else (ROWS[kind],)
         columns = _columns(root, dims)
@@ -377,6 +386,7 @@ def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = No
                         stream.write(",\n".join(map(json_text, rows)))
                     written += len(frame)
                 stream.write("" if as_csv else "\n]}\n")
+            source.check()
 
         replace_file(target, make, sealed=False)
     return written

@@ -33,7 +33,7 @@ from tcstudy.accuracy.orders import (
     smooth_up_to,
     smoothness,
 )
-from tcstudy.data.records import Record
+from tcstudy.data.records import Journal, Record
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.tables import BY_ITSELF, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
@@ -136,10 +136,17 @@ corner gives less."""
 
 
 def converge_to_file(
-    study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)
+    study: Study,
+    path: Path,
+    say: Say,
+    command: Sequence[str] = ("tcstudy",),
+    lock: Journal | None = None,
 ) -> None:
-    """Measure the convergence of a study into a file. Raises ConvergenceError, StoreError,
-    GeometryFailed."""
+    """Measure the convergence of a study into a file.
+
+    lock: that of the file, if it was taken before
+    Raises ConvergenceError, StoreError, GeometryFailed.
+    """
     if study.mesh.levels < 2:
         raise ConvergenceError(
             "one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4"
@@ -149,7 +156,7 @@ def converge_to_file(
         raise ConvergenceError(
             f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform"
         )
-    to_file(path, study, command, lambda: converge(study, say))
+    to_file(path, study, command, lambda: converge(study, say), lock=lock)
 
 
 def converge(study: Study, say: Say = lambda text: None) -> Record:

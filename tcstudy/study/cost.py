@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.orders import dominated, equal_settings
-from tcstudy.data.records import Record
+from tcstudy.data.records import Journal, Record
 from tcstudy.data.schema import PointStatus, missing
 from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
 from tcstudy.errors import CostError, GeometryFailed
@@ -78,11 +78,19 @@ def cost_to_file(
     path: Path,
     progress: Progress,
     command: Sequence[str],
+    lock: Journal | None = None,
 ) -> None:
-    """Measure accuracy against cost at a sweep point into a file. Raises CostError, StoreError,
-    GeometryFailed."""
+    """Measure accuracy against cost at a sweep point into a file.
+
+    lock: that of the file, if it was taken before
+    Raises CostError, StoreError, GeometryFailed.
+    """
     alone = at_point(study, index)
-    to_file(path, study, command, lambda: measure(alone, runs, progress, {"point": point}), alone)
+
+    def find() -> Record:
+        return measure(alone, runs, progress, {"point": point})
+
+    to_file(path, study, command, find, alone, lock=lock)
 
 
 def at_point(study: Study, index: tuple[int, ...]) -> Study:

@@ -38,7 +38,7 @@ from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
 from tcstudy.data.reading import stored_steps
-from tcstudy.data.records import BlockRecord, Journal
+from tcstudy.data.records import BlockRecord, Journal, remove_finished
 from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, PointStatus, name_of
 from tcstudy.data.schema import SENSITIVITY_STATUS as SLOPES_STATUS
 from tcstudy.data.store import write_record
@@ -84,11 +84,12 @@ def execute_history(
     force: bool = False,
     jobs: int | None = None,
     dask: str | None = None,
+    wait: bool = False,
 ) -> Summary:
     """Follow the histories of a study and write their file; until it is there, a journal beside it
     keeps what is done.
 
-    force: compute again what the file holds;  jobs, dask: as of a run
+    force: compute again what the file holds;  jobs, dask: as of a run;  wait: as of `Journal.lock`
     Returns how many points there are, how many histories ended early, and how many steps were there before.
     Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
     GeometryFailed if the body has no mesh, WorkersFailed if there are no workers.
@@ -99,26 +100,41 @@ def execute_history(
             "the study has no section history; add history: {memory: friction, steps: [...]}"
         )
     tell(remarks := warnings(study))
-    done, same = (Steps(), False) if force else _known(output, study)
-    before = len(done)
-    if not same or any(_goes_on(study, last) for last in _ends(study, done)):
-        with threadpool_limits(1, user_api="blas"), closing(WorkerPool(jobs, dask)) as staff:
-            staff.ready(study)
-            clock = time.perf_counter()
-            level = level_of(study, study.scenes[0], plan.level, not plan.loose)
-            built = time.perf_counter() - clock
-            with Journal.open(output, study) as journal:
-                tell(journal.warnings)
-                done |= _sound(journal.blocks())
-                before = len(done)
-                for record in _steps(study, level, _ends(study, done), staff, built):
-                    journal.add(record)
-                    done[int(record.points[0]), record.level] = record
-                    if watcher is not None:
-                        watcher(int(record.points[0]), points, record.level, plan.steps)
-                found = history_record(study, level_record(study, level.mesh, level), done.values())
-                write_record(output, study, found, collect(study, command, remarks=remarks))
-                journal.discard()
+    if not force:
+        done, is_whole = _known(output, study)
+        if is_whole:
+            remove_finished(output, study)
+            return _summary(points, done, len(done))
+    with (
+        threadpool_limits(1, user_api="blas"),
+        closing(WorkerPool(jobs, dask)) as staff,
+        Journal.lock(output, wait) as journal,
+    ):
+        # looked at again: another process may have written it before the lock was taken
+        done, is_whole = (Steps(), False) if force else _known(output, study)
+        if is_whole:
+            return _summary(points, done, len(done))
+        journal.begin(study)
+        tell(journal.warnings)
+        done |= _sound(journal.blocks())
+        before = len(done)
+        staff.ready(study)
+        clock = time.perf_counter()
+        level = level_of(study, study.scenes[0], plan.level, not plan.loose)
+        built = time.perf_counter() - clock
+        for record in _steps(study, level, _ends(study, done), staff, built):
+            journal.add(record)
+            done[int(record.points[0]), record.level] = record
+            if watcher is not None:
+                watcher(int(record.points[0]), points, record.level, plan.steps)
+        found = history_record(study, level_record(study, level.mesh, level), done.values())
+        attributes = collect(study, command, remarks=remarks)
+        write_record(output, study, found, attributes, None if force else journal.seen)
+        journal.discard()
+    return _summary(points, done, before)
+
+
+def _summary(points: int, done: Steps, before: int) -> Summary:
     return Summary(points, sum(one.status[0] != PointStatus.OK for one in done.values()), before)
 
 
@@ -132,7 +148,7 @@ def _sound(records: Iterable[BlockRecord]) -> Steps:
 
 
 def _known(path: Path, study: Study) -> tuple[Steps, bool]:
-    """What a file has of this study, and whether it is of this very study, steps and all.
+    """Return what a file has of this study, and whether that is all of it.
 
     Raises StoreError if it has another one.
     """
@@ -143,7 +159,8 @@ def _known(path: Path, study: Study) -> tuple[Steps, bool]:
         apart := differences(stored_study(path, study.source, "history"), study, FREE)
     ):
         raise StoreError(f"{path} holds the history of another study ({apart[0]}); {OTHER_OUTPUT}")
-    return _sound(stored_steps(path, study)), same
+    done = _sound(stored_steps(path, study))
+    return done, same and not any(_goes_on(study, last) for last in _ends(study, done))
 
 
 def _ends(study: Study, done: Steps) -> list[BlockRecord | None]:

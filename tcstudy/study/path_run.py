@@ -38,7 +38,7 @@ from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Acceptance
 from tcstudy.contact.solve import TIE, solve_contact
 from tcstudy.data.files import SHORTFALLS, Remark, tell
-from tcstudy.data.records import Record
+from tcstudy.data.records import Journal, Record
 from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed, PathError
@@ -364,10 +364,13 @@ def execute_path(
     progress: Progress | None = None,
     command: Sequence[str] = ("tcstudy",),
     swept: Sequence[str] = (),
+    lock: Journal | None = None,
 ) -> None:
     """Follow the path and write its file, with what is not as it was asked for in words.
 
-    swept: names of the sweep, whose values a path does not have. Raises PathError, StoreError or
+    swept: names of the sweep, whose values a path does not have
+    lock:  that of the output, if it was taken before
+    Raises PathError, StoreError or
     GeometryFailed.
     """
     unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
@@ -380,7 +383,7 @@ def execute_path(
         tell(found := shortfalls(study, record))
         return replace(record, attributes={**record.attributes, SHORTFALLS: "\n".join(found)})
 
-    to_file(output, study, command, find, alone, [Remark(unused)] if swept else [])
+    to_file(output, study, command, find, alone, [Remark(unused)] if swept else [], lock)
 
 
 def shortfalls(study: Study, record: Record) -> list[str]:

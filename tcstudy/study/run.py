@@ -280,18 +280,23 @@ def to_file(
     find: Callable[[], Record],
     alone: Study | None = None,
     said: Sequence[Remark] = (),
+    lock: Journal | None = None,
 ) -> None:
     """Write the file of what `find` finds of a study, or of a part of it alone; its warnings are
     said before, behind others.
+
+    lock: that of the file, if it was taken before
 
     Raises StoreError if the file cannot be written, before any work as far as that is known.
     """
     if problems := check_writable(path, SMALL):
         raise StoreError("; ".join(problems))
     tell(remarks := [*said, *warnings(alone or study)])
-    with threadpool_limits(1, user_api="blas"):
-        record = find()
-    write_record(path, study, record, collect(study, command, remarks=remarks))
+    with lock or Journal.lock(path) as journal:
+        with threadpool_limits(1, user_api="blas"):
+            record = find()
+        attributes = collect(study, command, remarks=remarks)
+        write_record(path, study, record, attributes, journal.seen)
 
 
 SMALL = 1_000_000
@@ -421,13 +426,15 @@ def execute(
     dask: str | None = None,
     kept: Kept | None = None,
     pool: WorkerPool | None = None,
+    lock: Journal | None = None,
 ) -> Summary:
     """Run all points of a study, of one body or of one geometry after the other, and write the
     result file.
 
     jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
     kept: what the output has of the study already and keeps (study.append), None for nothing
-    pool: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
+    pool: who works, if some have begun to;  lock: that of the output, if it was taken before
+    Only this process writes, and the numbers are the same to the bit.
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
     where it stopped. Of a sweep, a geometry without a mesh, or one that kills its workers, is a status of its points.
     Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh, WorkersFailed if there are
@@ -441,8 +448,9 @@ def execute(
         closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool,
         # two BLAS threads make the many small dense operations of a sweep slower, not faster
         threadpool_limits(1, user_api="blas"),
-        Journal.open(output, study) as journal,
+        lock or Journal.lock(output) as journal,
     ):
+        journal.begin(study)
         tell([*journal.warnings, *(remarks := warnings(study))])
         each = [_results(study, kept, journal, i) for i in range(len(bodies))]
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail
@@ -499,7 +507,9 @@ def execute(
             whole = replace(
                 whole, study=replace(study, mesh=replace(study.mesh, levels=levels[-1] + 1))
             )
-        count, bad = write(output, whole, meshed if study.variants else {}, kept.close)
+        count, bad = write(
+            output, whole, meshed if study.variants else {}, kept.close, journal.seen
+        )
         journal.discard()
     return Summary(count, bad, sum(one.done for one in work))
 

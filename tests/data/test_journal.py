@@ -259,7 +259,7 @@ def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> No
 
 
 def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) -> None:
-    Journal.open(output, study).close()
+    fill(output, study, make_block(0, 0))
     future = bytearray(partial(output).read_bytes())
     future[18] = 3  # a write version of the future: SQLite opens such a file for reading only
     for content in (bytes(future), b"my notes, far from a database\n" * 100):
