@@ -17,7 +17,7 @@ import logging
 import threading
 import time
 import uuid
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from typing import Any
 
 from tcstudy.executors.processes import (
@@ -130,6 +130,7 @@ def _connected(address: str, workers: int | None) -> tuple[Any, Any]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         if address != LOCAL:
+            _greet(address)
             return None, QuietClient(address, timeout=CONNECT, set_as_default=False)
         # without processes of dask, which would import the user's script again: calls have their
         # own
@@ -147,6 +148,26 @@ def _connected(address: str, workers: int | None) -> tuple[Any, Any]:
             else "what answers there is something else"
         )
         raise WorkersFailed(f"no dask scheduler answers at {address} ({why}); {remedy}") from None
+
+
+def _greet(address: str) -> None:
+    """Shake hands with what answers at an address, in CONNECT seconds.
+
+    A client of dask waits for ever for the hand of a peer that takes the connection and is silent.
+    Raises OSError if there is no answer in time, anything for one that is none of dask.
+    """
+    from distributed.comm import connect
+
+    async def shake_hands() -> None:
+        try:
+            line = await asyncio.wait_for(connect(address, timeout=CONNECT), CONNECT)
+        except TimeoutError:
+            raise OSError(f"no word of dask within {CONNECT:g} s") from None
+        line.abort()
+
+    # in a thread of its own: a notebook has a loop in this one
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, shake_hands()).result()
 
 
 # -- on a dask worker ------------------------------------------------------------------------------
