@@ -223,6 +223,8 @@ class Journal:
     """
 
     seen: Snapshot | None = None
+    _made: Sequence[Path] = ()
+    """Folders that were made for the journal, the innermost first."""
 
     def __init__(
         self, path: Path, connection: sqlite3.Connection, warnings: Sequence[str] = ()
@@ -238,6 +240,7 @@ class Journal:
         Raises Busy if another process has it, StoreError if the directory cannot be written.
         """
         path = journal_path(output)
+        missing = [folder for folder in path.parents if not folder.exists()]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -251,6 +254,7 @@ class Journal:
                     raise
                 time.sleep(WAIT_SECONDS)
         journal = cls(path, connection)
+        journal._made = missing
         if damage:
             journal._replace(damage)
         remove_stale(output, alone=True)
@@ -363,6 +367,9 @@ class Journal:
             # removed before the lock goes; who has opened the dying file sees that it is not there
             self.path.unlink(missing_ok=True)
             self._connection.close()
+            with suppress(OSError):  # they hold the output, or what others have put there
+                for folder in self._made:
+                    folder.rmdir()
 
     def __enter__(self) -> Journal:
         return self
@@ -423,8 +430,8 @@ def connect(path: Path) -> tuple[sqlite3.Connection, str]:
                 connection.execute(statement)
             if _is_at(path, number):
                 return connection, ""
-        except FileNotFoundError:  # removed by the run that had it
-            pass
+        except FileNotFoundError:  # removed by the run that had it, perhaps with its folder
+            path.parent.mkdir(parents=True, exist_ok=True)
         except (*_FAULTS, OSError) as error:
             # an error of a file that its run has removed meanwhile says nothing
             if connection is None or _is_at(path, number):
