@@ -1,5 +1,6 @@
-"""Typed reading of marked nodes: numbers, quantities, expressions, points, words; and of sections
-whose keys stand in the table, of which what is unknown or missing is recorded.
+"""Typed reading of marked nodes: numbers, quantities, expressions, points, words, and sections.
+
+The keys of a section stand in the table of keys; unknown and missing ones are recorded.
 
 A reader returns the value, or after recording a fault a neutral stand-in (NaN, the first choice, an
 empty tuple), so that one pass finds all faults. Comparisons with NaN are false, which keeps a fault
@@ -18,7 +19,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
@@ -59,40 +60,46 @@ V = TypeVar("V")
 
 
 def is_name(text: str) -> bool:
-    """Whether a text may be the name of an edge or a region: letters, digits and underscores, at
-    most MAX_NAME of them."""
+    """Return whether a text may be the name of an edge or a region.
+
+    Names have letters, digits and underscores, at most MAX_NAME of them.
+    """
     return len(text) <= MAX_NAME and text.isascii() and text.replace("_", "a").isalnum()
 
 
 def elsewhere(key: str, path: str) -> str:
-    """Where a key belongs that the section at a path does not have: another section of the study,
-    or its top."""
+    """Return the place of a key that the section at a path does not have, in words.
+
+    It is another section of the study, or its top; empty if no section has the key.
+    """
     if "." in path or "[" in path:
         return ""
     homes = [name for name in rows("") if name != path and key in rows(name)]
-    top = f"{key} belongs at the top of the study" if path and key in rows("") else ""
-    return f"{key} belongs in {' or '.join(homes)}" if homes else top
+    if homes:
+        return f"{key} belongs in {' or '.join(homes)}"
+    return f"{key} belongs at the top of the study" if path and key in rows("") else ""
 
 
 class Unsound(Exception):
-    """What comes next in a section needs what had a fault, which is recorded."""
+    """The rest of a section needs a value that had a fault, which is recorded."""
 
 
 def none_after_fault(
     reader: Callable[Concatenate[Context, P], V],
 ) -> Callable[Concatenate[Context, P], V | None]:
-    """The reader of a section, with None in place of its value where it recorded a fault."""
+    """Return the reader of a section with None in place of its value after a fault."""
 
     @wraps(reader)
     def read(ctx: Context, *args: P.args, **kwargs: P.kwargs) -> V | None:
-        outer, ctx.before = ctx.before, len(ctx.errors)
+        outer_count = ctx.before
+        ctx.before = len(ctx.errors)
         try:
             value = reader(ctx, *args, **kwargs)
             ctx.sound()
         except Unsound:
             return None
         finally:
-            ctx.before = outer
+            ctx.before = outer_count
         return value
 
     return read
@@ -102,16 +109,16 @@ MAX_NAME = 100
 """Characters of a name that the user gives: names in files, which are made of it, have at most 256."""
 MAX_NAMES_SHOWN = 50
 """Names of a study that a message may show or suggest."""
-MOST = 2**31 - 1
+MAX_INTEGER = 2**31 - 1
 """Largest whole number that any key takes."""
 LISTS = {
     "points": ("point", "a list of points", 1),
     "law points": ("law point", "a list of pairs [s, b]", 1),
     "numbers": ("quantity", "a list of numbers", 1),
 }
-"""Kinds that are lists: of which kind, of what in words, at least how many, unless the row says
-so."""
-SOME = {
+"""Kinds that are lists: kind of the entries, the list in words, and its least length, unless the row
+has one."""
+LISTS_OR_ONE = {
     "one or more": ("choice", "a list of words", 1),
     "words": ("text", "a list of names", 1),
     "sizes": ("number", "a list of sizes", 1),
@@ -125,35 +132,38 @@ PAIRS = {
     "point": ("quantity", "a point [x, y]", "[0 mm, 20 mm]"),
     "law point": ("quantity", "a pair [s, b] of slip and traction", "[40 um, 5 MPa]"),
 }
-"""Kinds that are pairs: of which kind, what they are in words, an example."""
+"""Kinds that are pairs: kind of the entries, the pair in words, an example."""
+DIMENSIONS_OF_PAIRS = {"point": (LENGTH, LENGTH), "law point": (LENGTH, TRACTION)}
+"""Dimensions of pairs by their kind, where no row and no other key decides about them."""
 UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}
-"""What stands for a missing value by its kind, where it is not NaN."""
+"""Stand-ins for missing values by their kind, where it is not NaN."""
 
 
 def out_of_bounds(row: Key, value: float) -> str:
-    """What a number of a row must that is out of its bounds, in words; empty for one within them,
-    and for NaN."""
-    low, high = (
-        row.above is not None and value <= row.above,
-        row.below is not None and value >= row.below,
-    )
-    if (low or high) and row.above and row.below:
-        return f"lie between {row.above:g} and {row.below:g}"
-    if low or high:
-        return f"be greater than {row.above:g}" if low else f"be less than {row.below:g}"
+    """Return the bound that a number of a row violates, in words: "be less than 1".
+
+    Empty for a number within the bounds, and for NaN.
+    """
+    is_low = row.above is not None and value <= row.above
+    is_high = row.below is not None and value >= row.below
+    if is_low or is_high:
+        if row.above and row.below:
+            return f"lie between {row.above:g} and {row.below:g}"
+        return f"be greater than {row.above:g}" if is_low else f"be less than {row.below:g}"
     if row.least is not None and value < row.least:
         return f"be {row.least:g} or more"
-    return f"be {row.most:g} or less" if row.most is not None and value > row.most else ""
+    if row.most is not None and value > row.most:
+        return f"be {row.most:g} or less"
+    return ""
 
 
 @dataclass
 class Context:
-    """What every reader needs: where faults go, whether texts may have units, the study's folder,
-    its named numbers.
+    """The collector of faults, units, folder and named numbers of the study that is read.
 
-    before: how often faults were met before the section that is read
-    unread: named numbers without a value, whose fault is recorded
-    with_files: whether the file of a body must be there; results are read without it
+    before:     number of faults met before the section that is read
+    unread:     named numbers without a value, whose fault is recorded
+    with_files: whether the file of a body must exist; results are read without it
     """
 
     errors: Collector
@@ -164,9 +174,9 @@ class Context:
     unread: set[str] = field(default_factory=set)
     with_files: bool = True
 
-    def at(self, node: Node, *said: str, key: str | None = None, on_key: bool = False) -> None:
+    def at(self, node: Node, *sentences: str, key: str | None = None, on_key: bool = False) -> None:
         """Record a fault (`Collector.at`)."""
-        self.errors.at(node, *said, key=key, on_key=on_key)
+        self.errors.at(node, *sentences, key=key, on_key=on_key)
 
     def sound(self) -> None:
         """End the reading of a section that has a fault."""
@@ -174,79 +184,78 @@ class Context:
             raise Unsound
 
     def example(self, text: str) -> str:
-        """An example for a remedy, without units in a dimensionless study."""
+        """Return an example for a remedy, without units in a dimensionless study."""
         return text if self.units == "SI" else re.sub(rf"({NUMBER}) [^,\]}}]+", r"\1", text)
 
     def cf(self, dimension: Dimension) -> str:
-        """Units of a dimension in CF form, "1" in a dimensionless study."""
+        """Return the units of a dimension in CF form, "1" in a dimensionless study."""
         return dimension.cf if self.units == "SI" else "1"
 
     def scalar(self, node: Node, dimension: Dimension, *, varies: bool) -> Scalar:
-        """A number in SI, or where it may vary in space an expression; NaN after a fault."""
-        write = f"write for example {self.example(dimension.example)}"
-        write += " or an expression such as 2*sin(pi*x)" if varies else ""
+        """Return a number in SI, or where it may vary in space an expression; NaN after a fault."""
+        remedy = f"write for example {self.example(dimension.example)}"
+        if varies:
+            remedy += " or an expression such as 2*sin(pi*x)"
         if self.unread and isinstance(node.value, str) and words_in(node, self.unread):
             self.errors.met_again()
             return math.nan
         try:
-            value = (
-                self._of_text(node, node.value, dimension, write)
-                if isinstance(node.value, str)
-                else node.value
-            )
+            value: object = node.value
+            if isinstance(node.value, str):
+                value = self._of_text(node, node.value, dimension, remedy)
             if isinstance(value, expressions.Expression):
                 if varies:
                     return value
-                raise UnitError("may not vary with x and y", write)
+                raise UnitError("may not vary with x and y", remedy)
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise UnitError(f"must be {dimension.name}, but is {node.kind()}", write)
-            if (
-                not abs(value) <= sys.float_info.max
-            ):  # before the conversion, which whole numbers can be too large for
+                raise UnitError(f"must be {dimension.name}, but is {node.kind()}", remedy)
+            # before the conversion, which whole numbers can be too large for
+            if not abs(value) <= sys.float_info.max:
                 raise UnitError(f"{node.brief()} is not a finite number", "write a finite number")
             if value and not SMALLEST <= abs(value) <= LARGEST:
                 size = "large" if abs(value) > 1.0 else "small"
-                raise UnitError(
-                    f"{node.brief()} is too {size} to compute with", "check the number and its unit"
-                )
+                what = f"{node.brief()} is too {size} to compute with"
+                raise UnitError(what, "check the number and its unit")
             return float(value)
         except UnitError as error:
             self.at(node, *error.args)
             return math.nan
 
-    def _of_text(self, node: Node, text: str, dimension: Dimension, write: str) -> Scalar:
-        """The value of a text: number and unit, or an expression. Raises UnitError; write: a
-        remedy."""
+    def _of_text(self, node: Node, text: str, dimension: Dimension, remedy: str) -> Scalar:
+        """Return the value of a text: number and unit, or an expression.
+
+        remedy: of a text that is none of them
+        Raises UnitError.
+        """
         if len(text) > LONGEST:
             what = f"is a text of {len(text)} characters, of which at most {LONGEST} are read"
             raise UnitError(what, "round it, or shorten the expression")
-        if parts := split_quantity(text):
-            if self.units == "SI" and parts[1][:1].isdigit() and (marked := marked_number(text)):
+        quantity = split_quantity(text)
+        if quantity is not None and self.units == "SI":
+            marked = marked_number(text) if quantity[1][:1].isdigit() else None
+            if marked:
                 raise UnitError(*marked)
-            if self.units == "SI":
-                return to_si(*parts, dimension)
+            return to_si(*quantity, dimension)
+        if quantity is not None:
             what = f"{node.brief()!r} has a unit, but the study says units: none"
             raise UnitError(what, "write the plain number, or drop `units: none`")
-        if marked := marked_number(text):
+        marked = marked_number(text)
+        if marked:
             raise UnitError(*marked)
         plain = text.translate(PLAIN_SIGNS)
         if plain != text and self._is_sound(node, plain, dimension):
             sign = next(character for character in text if character not in plain)
-            raise UnitError(
-                f"{node.brief()!r} has the sign {sign} (U+{ord(sign):04X})",
-                f"write {plain.strip()}",
-            )
+            what = f"{node.brief()!r} has the sign {sign} (U+{ord(sign):04X})"
+            raise UnitError(what, f"write {plain.strip()}")
         try:
-            expression = expression_of(
-                text, self.named_in(text), dimension if self.units == "SI" else None
-            )
+            dimension_of_text = dimension if self.units == "SI" else None
+            expression = expression_of(text, self.named_in(text), dimension_of_text)
         except expressions.ExpressionError as error:
-            what, _, remedy = self._expression_fault(text, str(error)).partition("; ")
-            if (
-                " or an expression" not in write and not self.named
-            ):  # with names it was meant as an expression
-                what, remedy = f"{node.brief()!r} is not {dimension.name}", ""
-            raise UnitError(what, remedy or write) from None
+            what, _, specific = self._expression_fault(text, str(error)).partition("; ")
+            if " or an expression" not in remedy and not self.named:
+                # without names it was not meant as an expression
+                what, specific = f"{node.brief()!r} is not {dimension.name}", ""
+            raise UnitError(what, specific or remedy) from None
         return expression if expression.constant is None else expression.constant
 
     def _is_sound(self, node: Node, text: str, dimension: Dimension) -> bool:
@@ -272,14 +281,16 @@ class Context:
         return {word: self.named[word] for word in words if word in self.named}
 
     def quantity(self, node: Node, dimension: Dimension) -> float:
-        """A number in SI that is the same everywhere; NaN after a fault."""
+        """Return a number in SI that is the same everywhere; NaN after a fault."""
         value = self.scalar(node, dimension, varies=False)
         assert isinstance(value, float)
         return value
 
     def unit(self, cell: Node, unit: str, dimension: Dimension, key: str | None = None) -> bool:
-        """Whether a unit in the heading of a column is one of the dimension; if not, that is a
-        fault."""
+        """Return whether a unit in the heading of a column is one of the dimension.
+
+        If it is not, that is a fault.
+        """
         try:
             if self.units == "none":
                 raise UnitError("has a unit, but the study says units: none", "drop the unit")
@@ -292,83 +303,75 @@ class Context:
     def items(
         self, node: Node | None, content: str, least: int = 0, example: str = "..."
     ) -> tuple[Node, ...]:
-        """The entries of a list; empty after a fault."""
+        """Return the entries of a list; empty after a fault."""
         if node is None:
             return ()
         if isinstance(node.value, tuple) and len(node.value) >= least:
             return node.value
-        self.at(
-            node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]"
-        )
+        what = f"must be {content}, but is {node.kind()}"
+        self.at(node, what, f"write {content}: [{example}, ...]")
         return ()
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
-        """The two entries of a list of two; None after a fault."""
+        """Return the two entries of a list of two; None after a fault."""
         if isinstance(node.value, tuple) and len(node.value) == 2:
             return node.value[0], node.value[1]
-        more = (
-            " (decimals have a point, a comma separates entries)"
-            if len(node.entries) in (3, 4)
-            else ""
-        )
-        self.at(
-            node,
-            f"must be {content}, but is {node.kind()}",
-            f"write for example {self.example(example)}{more}",
-        )
+        remedy = f"write for example {self.example(example)}"
+        if len(node.entries) in (3, 4):  # as of a pair with decimal commas
+            remedy += " (decimals have a point, a comma separates entries)"
+        self.at(node, f"must be {content}, but is {node.kind()}", remedy)
         return None
 
     def mapping(
         self, node: Node | None, content: str, remedy: str, least: int = 1, named: bool = False
     ) -> dict[str, Node]:
-        """The entries of a mapping of `content`; empty after a fault, or without one. named: by
-        names"""
+        """Return the entries of a mapping of `content`; empty after a fault, or without one.
+
+        named: whether its keys must be names
+        """
         if node is None:
             return {}
         if not isinstance(node.value, Mapping) or len(node.value) < least:
             self.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
-        for name, item in node.children.items() if named else ():
+        names = node.children if named else {}
+        for name, item in names.items():
             if not is_name(name):
-                self.at(
-                    item,
-                    f"{shortened(name)!r} is not a name",
-                    f"use at most {MAX_NAME} letters, digits and _",
-                    on_key=True,
-                )
+                what = f"{shortened(name)!r} is not a name"
+                self.at(item, what, f"use at most {MAX_NAME} letters, digits and _", on_key=True)
         return dict(node.children)
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
-        """A whole number within limits; the lower limit after a fault."""
-        value = (
-            int(node.value)
-            if isinstance(node.value, float) and node.value.is_integer()
-            else node.value
-        )
-        if isinstance(value, bool) or not isinstance(value, int):
-            said = f"must be a whole number, but is {node.kind()}"
-            if isinstance(value, str) and (marked := marked_number(value)):
-                self.at(node, marked[0], marked[1].partition(" or ")[0])
+        """Return a whole number within limits; the lower limit after a fault."""
+        value = node.value
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if isinstance(value, str):
+            marked = marked_number(value)
+            if marked:
+                what, remedy = marked
+                self.at(node, what, remedy.partition(" or ")[0])
                 return least
-        elif least <= value <= (most or MOST):
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        if isinstance(value, int) and is_whole and least <= value <= (most or MAX_INTEGER):
             return value
+        limits = f"from {least} to {most}" if most else f"{least} or more"
+        if is_whole:
+            what = f"must be {limits}, but is {node.brief()}"
         else:
-            said = f"must be {f'from {least} to {most}' if most else f'{least} or more'}, but is {node.brief()}"
-        self.at(node, said, f"write for example {least}")
+            what = f"must be a whole number, but is {node.kind()}"
+        self.at(node, what, f"write for example {least}")
         return least
 
     def text(self, node: Node, content: str = "a text") -> str:
-        """A text that is not empty; empty after a fault."""
+        """Return a text that is not empty; empty after a fault."""
         if isinstance(node.value, str) and node.value.strip():
             return node.value
-        self.at(
-            node,
-            f"must be {content}, but is {node.kind()}",
-            "write a text, in quotes if it looks like a number",
-        )
+        what = f"must be {content}, but is {node.kind()}"
+        self.at(node, what, "write a text, in quotes if it looks like a number")
         return ""
 
     def choice(self, node: Node, words: tuple[T, ...]) -> T:
-        """One of some words; the first after a fault."""
+        """Return one of some words; the first after a fault."""
         for word in words:
             if node.value == word:
                 return word
@@ -377,41 +380,29 @@ class Context:
         return words[0]
 
     def value(self, node: Node, row: Key, dimension: Dimension | None = None) -> Any:
-        """What a row of the table says that a value is; after a fault a stand-in.
+        """Return the value of a row of the table; after a fault a stand-in.
 
         dimension: where another key decides about it
         """
-        dimension, kind = dimension or row.dimension, row.kind
+        dimension = dimension or row.dimension
+        kind = row.kind
         if kind in PAIRS:
-            inner, content, example = PAIRS[kind]
-            of = {"point": (LENGTH, LENGTH), "law point": (LENGTH, TRACTION)}.get(
-                kind, (dimension, dimension)
-            )
-            example = example or (kind == "span" and row.example) or f"[0, {dimension.example}]"
-            both = self.pair(node, content, example)
-            one = replace(row, kind=inner)
-            return tuple(map(self.value, both, (one, one), of)) if both else (math.nan, math.nan)
-        if kind in LISTS or kind in SOME:
-            inner, content, least = (LISTS | SOME)[kind]
-            several = kind in LISTS or isinstance(node.value, tuple)
-            entries = self.items(node, content, int(row.least or least)) if several else (node,)
-            return tuple(
-                self.value(entry, replace(row, kind=inner), dimension) for entry in entries
-            )
+            return self._pair_value(node, row, dimension)
+        if kind in LISTS or kind in LISTS_OR_ONE:
+            inner, content, least = (LISTS | LISTS_OR_ONE)[kind]
+            entries: tuple[Node, ...] = (node,)
+            if kind in LISTS or isinstance(node.value, tuple):
+                entries = self.items(node, content, int(row.least or least))
+            inner_row = replace(row, kind=inner)
+            return tuple(self.value(entry, inner_row, dimension) for entry in entries)
         match kind:
             case "quantity":
                 return self.quantity(node, dimension)
             case "number":
-                value = self.quantity(node, dimension)
-                if must := out_of_bounds(row, value):
-                    remedy = f"write for example {self.example(row.example or dimension.example)}"
-                    self.at(node, f"must {must}, but is {node.brief()}", remedy)
-                    return math.nan
-                return value
+                return self._bounded_number(node, row, dimension)
             case "integer":
-                return self.integer(
-                    node, int(row.least or 0), None if row.most is None else int(row.most)
-                )
+                most = None if row.most is None else int(row.most)
+                return self.integer(node, int(row.least or 0), most)
             case "component" if node.value == "free":
                 return None
             case "field" | "component":
@@ -422,11 +413,8 @@ class Context:
                 return self.choice(node, row.words)
             case "flag":
                 if not isinstance(node.value, bool):
-                    self.at(
-                        node,
-                        f"must be true or false, but is {node.kind()}",
-                        "write true or false, without quotes",
-                    )
+                    what = f"must be true or false, but is {node.kind()}"
+                    self.at(node, what, "write true or false, without quotes")
                 return node.value is True
             case "name":
                 if isinstance(node.value, str) and is_name(node.value):
@@ -438,10 +426,31 @@ class Context:
                 return self.text(node, f"a {row.name}" if row.name == "path" else "a text")
         raise AssertionError(kind)
 
+    def _pair_value(self, node: Node, row: Key, dimension: Dimension) -> tuple[Any, ...]:
+        inner, content, example = PAIRS[row.kind]
+        if row.kind == "span":
+            example = row.example
+        dimensions = DIMENSIONS_OF_PAIRS.get(row.kind, (dimension, dimension))
+        entries = self.pair(node, content, example or f"[0, {dimension.example}]")
+        if entries is None:
+            return (math.nan, math.nan)
+        inner_row = replace(row, kind=inner)
+        first, second = dimensions
+        return self.value(entries[0], inner_row, first), self.value(entries[1], inner_row, second)
+
+    def _bounded_number(self, node: Node, row: Key, dimension: Dimension) -> float:
+        value = self.quantity(node, dimension)
+        violated = out_of_bounds(row, value)
+        if not violated:
+            return value
+        example = self.example(row.example or dimension.example)
+        what = f"must {violated}, but is {node.brief()}"
+        self.at(node, what, f"write for example {example}")
+        return math.nan
+
 
 class Fields:
-    """The values of a section whose keys stand in the table; unknown and missing keys are recorded
-    on the way in."""
+    """The values of a section whose keys stand in the table."""
 
     def __init__(
         self,
@@ -451,81 +460,76 @@ class Fields:
         required: Iterable[str] | None = None,
         optional: Iterable[str] | None = None,
     ) -> None:
-        """section: its name in the table, or its rows.  required, optional: keys, where they depend on others."""
-        self.ctx, self.node, self.rows = (
-            ctx,
-            node,
-            rows(section) if isinstance(section, str) else section,
-        )
-        self.required = (
-            [one.name for one in self.rows.values() if one.required]
-            if required is None
-            else list(required)
-        )
-        others = (
-            (name for name in self.rows if name not in self.required)
-            if optional is None
-            else optional
-        )
-        known = [*self.required, *others]
-        if (
-            isinstance(section, str)
-            and (short := short_of(section))
-            and not isinstance(node.value, Mapping)
-        ):
+        """Record unknown and missing keys of a section.
+
+        section: its name in the table, or its rows
+        required, optional: keys, where they depend on others
+        """
+        name = section if isinstance(section, str) else ""
+        self.ctx = ctx
+        self.node = node
+        self.rows = rows(section) if isinstance(section, str) else section
+        if required is None:
+            self.required = [row.name for row in self.rows.values() if row.required]
+        else:
+            self.required = list(required)
+        if optional is None:
+            optional = [key for key in self.rows if key not in self.required]
+        known = [*self.required, *optional]
+        short = short_of(name)
+        if short and not isinstance(node.value, Mapping):
             node = replace(node, value={short: node})
         self.values: Mapping[str, Node] = node.children
-        if not isinstance(node.value, Mapping):
-            top = rows("").get(section) if isinstance(section, str) else None
-            pairs = ", ".join(
-                f"{key}: {self.rows[key].suggestion}" for key in self.required or known[:1]
-            )
-            example = ctx.example(top.example if top and top.example else f"{{{pairs}}}")
-            remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
-            ctx.at(node, f"must be a mapping, but is {node.kind()}", remedy)
+        if isinstance(node.value, Mapping):
+            self._check_keys(known)
             return
-        free = [name for name in known if name not in node.value]
-        near = {
-            key: nearest(key, free) or nearest(key, known) for key in node.value if key not in known
-        }
-        for key, like in near.items():
-            remedy = (
-                f"did you mean {like!r}?"
-                if like
-                else f"use one of the keys {', '.join(free or known)}"
-            )
+        top = rows("").get(name)
+        if top and top.example:
+            example = top.example
+        else:
+            keys = self.required or known[:1]
+            pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in keys)
+            example = f"{{{pairs}}}"
+        what = f"must be a mapping, but is {node.kind()}"
+        mapping = f"a mapping with the keys {', '.join(known)}"
+        ctx.at(node, what, f"write {mapping}, for example {ctx.example(example)}")
+
+    def _check_keys(self, known: Sequence[str]) -> None:
+        """Record unknown and missing keys; a misspelt key is one fault, not two."""
+        free = [key for key in known if key not in self.values]
+        unknown = [key for key in self.values if key not in known]
+        meant = {key: nearest(key, free) or nearest(key, known) for key in unknown}
+        for key, similar in meant.items():
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
-            elif not like:
-                remedy = elsewhere(key, node.path) or remedy
-            ctx.at(node.value[key], "unknown key", remedy, on_key=True)
+            elif similar:
+                remedy = f"did you mean {similar!r}?"
+            else:
+                keys = f"use one of the keys {', '.join(free or known)}"
+                remedy = elsewhere(key, self.node.path) or keys
+            self.ctx.at(self.values[key], "unknown key", remedy, on_key=True)
         for key in self.required:
-            if (
-                key not in node.value and key not in near.values()
-            ):  # a misspelt key is one fault, not two
+            if key not in self.values and key not in meant.values():
                 self.missing(key)
 
-    def fault(self, key: str, *said: str, on_key: bool = False) -> None:
-        """Record a fault, "what; remedy", at a key, or at the section where the key is not
-        given."""
-        self.ctx.at(self.values.get(key, self.node), *said, on_key=on_key and key in self.values)
+    def fault(self, key: str, *sentences: str, on_key: bool = False) -> None:
+        """Record a fault, "problem; remedy", at a key, or at the section without this key."""
+        node = self.values.get(key, self.node)
+        self.ctx.at(node, *sentences, on_key=on_key and key in self.values)
 
     def missing(self, key: str) -> None:
         """Record that a key is missing."""
-        where = f"{self.node.path}.{key}" if self.node.path else key
-        self.ctx.at(
-            self.node,
-            "is missing",
-            f"add {key}: {self.ctx.example(self.rows[key].suggestion)}",
-            key=where,
-        )
+        path = f"{self.node.path}.{key}" if self.node.path else key
+        remedy = f"add {key}: {self.ctx.example(self.rows[key].suggestion)}"
+        self.ctx.at(self.node, "is missing", remedy, key=path)
 
     def __getitem__(self, key: str) -> Node | None:
         return self.values.get(key)
 
     def value(self, key: str, dimension: Dimension | None = None) -> Any:
-        """The value of a key; if it is not given its default, or a stand-in where it is required.
+        """Return the value of a key, or its default.
 
+        A required key that is not given has a stand-in.
         dimension: where another key decides about it
         """
         node, row = self[key], self.rows[key]
@@ -534,38 +538,35 @@ class Fields:
         return UNREAD.get(row.kind, math.nan) if key in self.required else row.default
 
     def given(self, names: Iterable[str] | None = None) -> dict[str, Any]:
-        """The values of the keys that are given; of all keys, or of those named."""
-        return {
-            name: self.value(name)
-            for name in (self.rows if names is None else names)
-            if self[name] is not None
-        }
+        """Return the values of the keys that are given; of all keys, or of those named."""
+        keys = self.rows if names is None else names
+        return {key: self.value(key) for key in keys if self[key] is not None}
 
 
 def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str, Node]:
-    """The one key of a section that has no more, and its value; no key after a fault."""
-    before, given = len(ctx.errors), Fields(ctx, node, section).values
-    if len(given) != 1 and len(ctx.errors) == before:
-        ctx.at(
-            node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}"
-        )
-    return next(iter(given.items())) if len(ctx.errors) == before else ("", node)
+    """Return the only key of a section and its value; no key after a fault."""
+    before = len(ctx.errors)
+    values = Fields(ctx, node, section).values
+    if len(values) != 1 and len(ctx.errors) == before:
+        what = f"needs one of {', '.join(rows(section))}, not {len(values)}"
+        ctx.at(node, what, f"write {example}")
+    return next(iter(values.items())) if len(ctx.errors) == before else ("", node)
 
 
 def word_of(ctx: Context, node: Node, section: str, key: str) -> str:
-    """The word that decides which other keys a section has; empty after a fault."""
-    before, word = len(ctx.errors), node.at(key)
+    """Return the word that decides which other keys a section has; empty after a fault."""
+    before = len(ctx.errors)
+    word = node.at(key)
     if word is None:
         Fields(ctx, node, section, (key,))
-    found = ctx.choice(word, rows(section)[key].words) if word else ""
-    return found if len(ctx.errors) == before else ""
+        return ""
+    choice = ctx.choice(word, rows(section)[key].words)
+    return choice if len(ctx.errors) == before else ""
 
 
 WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]*")
 UNNAMED = ("title", "institution", "units", "output", "parameters", "sweep")
-"""Sections in which a name of a parameter is a word like others."""
-
-
+"""Sections in which a name of a parameter is an ordinary word."""
 MAX_CIRCLES = 10
 """Circles of names that are each reported before the rest of the names is left unread."""
 
@@ -578,8 +579,8 @@ def read_parameters(
     kept: names that need not be read again, with their values
     """
     known = kept or {}
-    every = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
-    given = {name: item for name, item in every.items() if name not in known}
+    numbers = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
+    given = {name: item for name, item in numbers.items() if name not in known}
     ctx.unread.difference_update(given)
     misnamed = {name: fault for name in given if (fault := _name_fault(name))}
     for name, fault in misnamed.items():
@@ -595,7 +596,7 @@ def read_parameters(
             inner.unread.add(name)
     ctx.unread.update(name for name in given if name not in inner.named)
     unread = Named(math.nan, NONE)
-    return {name: inner.named.get(name, unread) for name in every}
+    return {name: inner.named.get(name, unread) for name in numbers}
 
 
 def _name_fault(name: str) -> str:
@@ -610,44 +611,54 @@ def _name_fault(name: str) -> str:
 
 
 def _reading_order(ctx: Context, given: Mapping[str, Node]) -> list[str]:
-    """Return the names, each after those that it is made of; without those in circles, which are
-    faults."""
-    made_of = {name: words_in(item, given) for name, item in given.items()}
+    """Return the names, each after those in its expression.
+
+    Names in circles are faults and left out.
+    """
+    names_used = {name: words_in(item, given) for name, item in given.items()}
     position = {name: place for place, name in enumerate(given)}
     for _ in range(MAX_CIRCLES):
         try:
-            return list(TopologicalSorter(made_of).static_order())
+            return list(TopologicalSorter(names_used).static_order())
         except CycleError as error:
             circle = error.args[1][:0:-1]
         first = min(range(len(circle)), key=lambda place: position[circle[place]])
         words = " → ".join([*circle[first:], *circle[: first + 1]])
         ctx.at(given[circle[first]], f"is made of itself: {words}", "give one of these a number")
         ctx.unread.update(circle)
-        made_of = {
-            name: names.difference(circle) for name, names in made_of.items() if name not in circle
+        names_used = {
+            name: used.difference(circle) for name, used in names_used.items() if name not in circle
         }
     return []
 
 
 def _number(ctx: Context, node: Node) -> Named:
-    parts, dimension = split_quantity(node.value) if isinstance(node.value, str) else None, NONE
-    if parts is not None and ctx.units == "SI":
-        found = _of_unit(parts[1])
-        if found is None:
-            remedy = "units are case-sensitive: write mm, MPa, W/(m*K) and the like"
-            ctx.at(node, f"{parts[1]!r} is not a unit of any number of a study", remedy)
-            return Named(math.nan, NONE)
-        dimension = found
-    elif (
-        isinstance(node.value, str) and ctx.units == "SI" and ctx.named
-    ):  # plain for one that a study has not
-        with suppress(
-            expressions.ExpressionError, UnitError
-        ):  # which whoever reads the number says
-            used = ctx.named_in(node.value)
-            found = units_of(parse(node.value, tuple(used)), used)
-            dimension = next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)
+    """Return the number of a name and its dimension, that of its unit or expression."""
+    dimension = NONE
+    if isinstance(node.value, str) and ctx.units == "SI":
+        quantity = split_quantity(node.value)
+        if quantity is not None:
+            unit = quantity[1]
+            of_unit = _of_unit(unit)
+            if of_unit is None:
+                remedy = "units are case-sensitive: write mm, MPa, W/(m*K) and the like"
+                ctx.at(node, f"{unit!r} is not a unit of any number of a study", remedy)
+                return Named(math.nan, NONE)
+            dimension = of_unit
+        elif ctx.named:
+            dimension = _of_expression(ctx, node.value)
     return Named(ctx.quantity(node, dimension), dimension)
+
+
+def _of_expression(ctx: Context, text: str) -> Dimension:
+    """Return the dimension of an expression; NONE for one that no number of a study has."""
+    with suppress(expressions.ExpressionError, UnitError):  # the reader of the number records them
+        named = ctx.named_in(text)
+        dimensionality = units_of(parse(text, tuple(named)), named)
+        for dimension in DIMENSIONS:
+            if dimensions_of(dimension.si) == dimensionality:
+                return dimension
+    return NONE
 
 
 @lru_cache(maxsize=256)
@@ -668,9 +679,8 @@ def words_in(node: Node, names: Container[str]) -> frozenset[str]:
 def _words(node: Node) -> frozenset[str]:
     if isinstance(node.value, str):
         return frozenset(WORD.findall(node.value))
-    return frozenset().union(
-        *map(_words, node.value if isinstance(node.value, tuple) else node.children.values())
-    )
+    nodes_below = node.value if isinstance(node.value, tuple) else node.children.values()
+    return frozenset().union(*map(_words, nodes_below))
 
 
 def users(root: Node, name: str) -> set[str]:
@@ -698,7 +708,8 @@ def names_needed(section: Node, readers: Iterable[Node]) -> set[str]:
 
 def _reached(start: set[str], steps: Mapping[str, Iterable[str]]) -> set[str]:
     """Return all that can be reached from some names, these included."""
-    reached, waiting = set(start), list(start)
+    reached = set(start)
+    waiting = list(start)
     while waiting:
         new = [name for name in steps.get(waiting.pop(), ()) if name not in reached]
         reached.update(new)

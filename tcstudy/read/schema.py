@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any, get_args
 
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.read.fields import LISTS, PAIRS, SOME
+from tcstudy.read.fields import LISTS, LISTS_OR_ONE, PAIRS
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
 from tcstudy.scene.mesh_plan import PROVED, Quantity
 from tcstudy.scene.parameters import NUMBERS, SHORT, path_of, swept_row
@@ -27,7 +27,7 @@ TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
 ONE_OF = ("hole", "region")
 """Sections that hold one of their keys."""
-SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
+LISTS_OR_ONE_TEXT: Schema = {"type": "string", "pattern": r"\S"}
 VALUE: Schema = {"type": ["number", "string"]}
 """A number, or a text with its unit or an expression, which the reader judges."""
 
@@ -151,9 +151,9 @@ def _fragment(one: Key) -> Schema:
         )
     if kind in LISTS:
         return _list(_fragment(replace(one, kind=LISTS[kind][0])), int(one.least or LISTS[kind][2]))
-    if kind in SOME:
-        item = _fragment(replace(one, kind=SOME[kind][0]))
-        return {"anyOf": [item, _list(item, SOME[kind][2])]}
+    if kind in LISTS_OR_ONE:
+        item = _fragment(replace(one, kind=LISTS_OR_ONE[kind][0]))
+        return {"anyOf": [item, _list(item, LISTS_OR_ONE[kind][2])]}
     return FRAGMENTS[kind](one)
 
 
@@ -161,7 +161,7 @@ LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     **dict.fromkeys(NUMBERS, _number),
     "flag": lambda one: {"type": "boolean"},
-    "text": lambda one: SOME_TEXT,
+    "text": lambda one: LISTS_OR_ONE_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
     "choice": lambda one: {"enum": list(one.words)},
     "choice by edge": lambda one: {
@@ -173,7 +173,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "section": _sub_section,
     "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),
     "named sections": lambda one: _named(_sub_section(one)),
-    "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1)]},
+    "names": lambda one: {"anyOf": [LISTS_OR_ONE_TEXT, _list(LISTS_OR_ONE_TEXT, 1)]},
     "goal": lambda one: {
         "anyOf": [
             {"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]},
@@ -183,11 +183,11 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "law": lambda one: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
     "material": lambda one: _ref("material"),
     "sweep points": lambda one: {
-        "anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]
+        "anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, LISTS_OR_ONE_TEXT]
     },
     "named numbers": lambda one: _named(VALUE, minProperties=1),
     "named quantities": lambda one: {"anyOf": [_by_path(VALUE), {"const": "estimate"}]},
-    "named texts": lambda one: _by_path(SOME_TEXT),
+    "named texts": lambda one: _by_path(LISTS_OR_ONE_TEXT),
     "fitted numbers": lambda one: _by_path(_sub_section(one)),
 }
 """What each kind of key may hold that is no pair or list of others."""

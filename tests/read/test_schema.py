@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from tcstudy.errors import Problem, StudyError
-from tcstudy.read.fields import LISTS, PAIRS, SOME
+from tcstudy.read.fields import LISTS, LISTS_OR_ONE, PAIRS
 from tcstudy.read.schema import FRAGMENTS, schema, schema_text
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.designs import PARAMETERS
@@ -107,5 +107,5 @@ def test_schema_and_guide_know_every_key() -> None:
         *FRAGMENTS,
         *PAIRS,
         *LISTS,
-        *SOME,
+        *LISTS_OR_ONE,
     }
