@@ -46,7 +46,7 @@ FORMER = {
         ("merge", "compare"), "xarray's work: see 'Files that grow' in results/README.md"
     ),
     "schema": "tcstudy init, which writes study.schema.json beside the starter",
-    "completion": "shtab's work: see 'Commands' in README.md",
+    "completion": "shtab's work: see 'Completion' in results/commands.md",
 }
 """What to type in place of commands that there were."""
 NO_ROOM, INTERRUPTED = 3, 130

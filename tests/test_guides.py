@@ -11,6 +11,8 @@ from ruamel.yaml import YAML
 
 from tcstudy.read.study import read_study
 from tests.commands import CONFIGS, tcstudy_command
+from tests.console import WIDTH, printed, without_machine
+from tests.prose import cells, paragraphs, sentences
 from tests.test_house import ARROWS, PACKAGE
 
 ROOT = PACKAGE.parent
@@ -54,6 +56,8 @@ GUIDES = (
     "README.md",
     "configs/README.md",
     "configs/reference.md",
+    "configs/tutorial.md",
+    "results/commands.md",
     "results/README.md",
     "tcstudy/README.md",
 )
@@ -103,6 +107,51 @@ def test_the_first_page_is_short_and_runs_in_python(
     names: dict[str, object] = {}
     exec("".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)
     assert names["result"]["status"].size == 72  # type: ignore[index]
+
+
+@pytest.mark.parametrize("name", ["README.md", "configs/tutorial.md"])
+def test_guides_show_what_the_commands_print(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(WIDTH))
+    page = (ROOT / name).read_text(encoding="utf-8")
+    assert page.count("```console\n$ ") > 0
+    assert without_machine(printed(page, tmp_path)) == without_machine(page), (
+        f"if this is as it should be: python -m tests.console {name}"
+    )
+
+
+PLAIN = {"README.md": 950, "configs/tutorial.md": 1800, "results/commands.md": 1800}
+"""Most words of the pages in plain sentences."""
+LONGEST_SENTENCE, LONGEST_PARAGRAPH, LONGEST_CELL = 25, 90, 30
+
+
+def test_measures_of_text_see_long_ones() -> None:
+    page = "# Head\n\nOne two. Three `a b` four:\n- [Five six](x.md)\n\n| a | b; c d |\n|---|---|\n"
+    assert paragraphs(page) == ["One two. Three CODE four:", "Five six"]
+    assert sentences("One two. Three CODE four: Five") == ["One two.", "Three CODE four:", "Five"]
+    assert cells(page) == ["a", "b; c d"]
+
+
+@pytest.mark.parametrize(("name", "most"), PLAIN.items())
+def test_pages_have_short_sentences_paragraphs_and_cells(name: str, most: int) -> None:
+    page = (ROOT / name).read_text(encoding="utf-8")
+    assert len(page.split()) <= most
+    texts = paragraphs(page)
+    long = [
+        sentence
+        for text in texts
+        for sentence in sentences(text)
+        if len(sentence.split()) > LONGEST_SENTENCE or ";" in sentence
+    ]
+    assert not long
+    assert not [text for text in texts if len(text.split()) > LONGEST_PARAGRAPH]
+    assert not [cell for cell in cells(page) if len(cell.split()) > LONGEST_CELL]
+
+
+def test_the_first_command_stands_on_top() -> None:
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert lines.index("```sh") < 20
 
 
 @pytest.mark.parametrize("config", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
