@@ -1,9 +1,8 @@
-"""Places where the solution of a body may be singular, and how much: its corners, ends and kinks of
-interfaces.
+"""Corner singularities: corners of a body, ends and kinks of interfaces, and their exponents.
 
-A contact edge holds u_N; where its last nodes stick it holds u_T as well. Stick and slip are told
-apart by the solution on the finest mesh, because the bound of the friction law, not the corner,
-decides between them.
+A contact edge constrains u_N; where its last nodes stick it constrains u_T as well. Stick and slip
+are told apart by the solution on the finest mesh, because the bound of the friction law, not the
+corner, decides between them.
 
 Exponents: u ~ r^α with the smallest positive Re α, θ ~ r^γ with the smallest positive γ.
 
@@ -11,18 +10,17 @@ Around a place lie wedges, each of one material. In the wedge 0 < φ < ω Airy's
 r^{α+1} F(φ), F = A cos(α+1)φ + B sin(α+1)φ + C cos(α−1)φ + D sin(α−1)φ, gives with κ = (λ+3μ)/(λ+μ)
 
     σ_φφ ∝ (α+1) F,  σ_rφ ∝ −F′,
-    2μ u_r = −(α+1) F + (κ+1)(C cos(α−1)φ + D sin(α−1)φ),  2μ u_φ = −F′ + (κ+1)(C sin(α−1)φ − D cos(α−1)φ).
+    2μ u_r = −(α+1) F + (κ+1)(C cos(α−1)φ + D sin(α−1)φ),
+    2μ u_φ = −F′ + (κ+1)(C sin(α−1)φ − D cos(α−1)φ).
 
 With M(φ) from (A, B, C, D) to s = (u_r, u_φ, σ_rφ, σ_φφ), M(ω) M(0)⁻¹ carries s through the wedge,
-and s goes on at an
-interface. So with T the product over the wedges, the exponents are the zeros of det(R₂ T N₁), N₁ a
-basis of the s that
-the condition of the first side allows and R₂ what that of the last side makes vanish; of det(T − 1)
-where the wedges
-close. Heat alike, with s = (θ, k ∂_φ θ/γ) and the rotation by γω.
+and s goes on at an interface. So with T the product over the wedges, the exponents are the zeros of
+det(R₂ T N₁), N₁ a basis of the s that the condition of the first side allows and R₂ the part of s
+that that of the last side makes vanish; of det(T − 1) where the wedges close. Heat alike, with
+s = (θ, k ∂_φ θ/γ) and the rotation by γω.
+
 Literature: M. L. Williams, J. Appl. Mech. 19 (1952) 526–528; D. B. Bogy, J. Appl. Mech. 38 (1971)
-377–386;
-R. B. Kellogg, Appl. Anal. 4 (1975) 101–129.
+377–386; R. B. Kellogg, Appl. Anal. 4 (1975) 101–129.
 Left out: exponents at which u is a polynomial (0, 1), and logarithms at double roots.
 """
 
@@ -47,15 +45,18 @@ Sticks = Callable[[str, Point], bool]
 
 
 def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) -> Sticks:
-    """Whether that contact node of an edge sticks which is nearest to a point; edges: (m,) names,
-    xy: (m, 2) places."""
+    """Return the function that says whether an edge's contact node nearest to a point sticks.
+
+    edges: (m,) names of the nodes' edges;  xy: (m, 2) their places
+    """
     names = np.array(edges, dtype=str)
 
-    def near(edge: str, at: Point) -> bool:
-        own = np.flatnonzero(names == edge)
-        return len(own) > 0 and bool(
-            sticks[own[np.argmin(np.linalg.norm(xy[own] - np.array(at), axis=1))]]
-        )
+    def near(edge: str, point: Point) -> bool:
+        nodes = np.flatnonzero(names == edge)
+        if not len(nodes):
+            return False
+        distances = np.linalg.norm(xy[nodes] - np.array(point), axis=1)
+        return bool(sticks[nodes[np.argmin(distances)]])
 
     return near
 
@@ -64,9 +65,11 @@ def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) ->
 class Vertex:
     """A corner of the body, or a point where materials meet.
 
-    at:       its place;  angle: opening angle inside the body [rad], 2π within it
+    at:       its place
+    angle:    opening angle inside the body [rad], 2π within it
     words:    conditions of the edges that meet in words, none within the body
-    exponent: u ~ r^exponent, SMOOTH if the corner leaves u smooth, NaN in a cusp;  heat: θ ~ r^heat, likewise
+    exponent: u ~ r^exponent, SMOOTH if the corner leaves u smooth, NaN in a cusp
+    heat:     θ ~ r^heat, likewise
     steps:    the shear stress has a step there, or may have, and Γ_C meets it
     meeting:  regions around it, counter-clockwise, where materials differ
     """
@@ -81,106 +84,131 @@ class Vertex:
 
 
 THINNEST = 1e-3
-"""Angle [rad] below which two edges meet in a cusp, and by which two make a corner."""
+"""Angle [rad] below which edges meet in a cusp, and within which two edges count as straight."""
 
 
 def vertices(corners: Iterable[Junction], scene: Scene, sticks: Sticks) -> list[Vertex]:
-    """The corners of the body, and the places where interfaces of materials end, turn or meet."""
-    found = (_vertex(corner, scene, sticks) for corner in corners)
-    return [one for one in found if one is not None]
+    """Return the corners of the body and the places where interfaces end, turn or meet."""
+    candidates = [_vertex(corner, scene, sticks) for corner in corners]
+    return [vertex for vertex in candidates if vertex is not None]
 
 
 def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
-    """None where nothing but an interface of one material ends or goes straight on."""
-    own, rest, roles = (
-        dict(scene.material.regions),
-        replace(scene.material, regions=()),
-        dict(scene.boundary),
-    )
-    parts = [(region if region in own else BODY, angle) for angle, region in corner.wedges]
-    if corner.within:  # from an interface on
-        first = next((i for i, (name, _) in enumerate(parts) if name != parts[i - 1][0]), 0)
-        parts = [*parts[first:], *parts[:first]]
-    of = [
-        (name, math.fsum(angle for _, angle in group))
-        for name, group in groupby(parts, lambda part: part[0])
-    ]
-    wedges = [(angle, own.get(name, rest)) for name, angle in of]
+    """Return None where an interface only separates one material or goes straight on."""
+    regions = _merged_wedges(corner, scene)
+    materials = dict(scene.material.regions)
+    body_material = replace(scene.material, regions=())
+    wedges = [(angle, materials.get(name, body_material)) for name, angle in regions]
     one_material = len({material for _, material in wedges}) == 1
-    if corner.within and (
-        one_material or (len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST)
-    ):
+    if corner.within:
+        is_straight = len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST
+        if one_material or is_straight:
+            return None
+    elif corner.cut and len(wedges) == 1:
         return None
-    if corner.cut and not corner.within and len(wedges) == 1:
-        return None
-    bound = [side for side in corner.sides if side.name]
-    sides = () if corner.within else (bound[0], bound[-1])
-    held = [_condition(roles[side.name], side, corner.at, sticks) for side in sides]
-    words, unit = tuple(said for _, said in held), wedges[0][1].mu
-    cusp, exponent, heat = min(angle for angle, _ in wedges) < THINNEST, math.nan, SMOOTH
-    if not cusp:
-        elastic = tuple(
-            (round(w, 12), m.mu / unit, (m.lam + 3 * m.mu) / (m.lam + m.mu)) for w, m in wedges
-        )
-        exponent = corner_exponent(elastic, *(directions for directions, _ in held))
-    if not cusp and scene.conducts and scene.heat.theta is None:
-        given = [
-            (edge := roles[side.name].heat) is not None and edge.theta is not None for side in sides
-        ]
-        heat = heat_exponent(tuple((round(w, 12), m.k or 1.0) for w, m in wedges), *given)
-    free = [m.beta / (m.lam + m.mu) for _, m in wedges]  # expansion, over θ/2
-    if (scene.conducts or scene.heat.theta) and max(free) - min(free) > 1e-12 * max(map(abs, free)):
+
+    roles = dict(scene.boundary)
+    sides: tuple[Side, ...] = ()
+    if not corner.within:
+        edge_sides = [side for side in corner.sides if side.name]
+        sides = (edge_sides[0], edge_sides[-1])
+    conditions = [_condition(roles[side.name], side, corner.at, sticks) for side in sides]
+    words = tuple(condition for _, condition in conditions)
+    is_cusp = min(angle for angle, _ in wedges) < THINNEST
+    exponent = math.nan
+    heat = SMOOTH
+    if not is_cusp:
+        unit = wedges[0][1].mu
+        elastic = []
+        for angle, material in wedges:
+            lam, mu = material.lam, material.mu
+            elastic.append((round(angle, 12), mu / unit, (lam + 3 * mu) / (lam + mu)))
+        constraints = [directions for directions, _ in conditions]
+        exponent = corner_exponent(tuple(elastic), *constraints)
+    if not is_cusp and scene.conducts and scene.heat.theta is None:
+        prescribed = [_has_prescribed_temperature(roles[side.name]) for side in sides]
+        thermal = tuple((round(angle, 12), material.k or 1.0) for angle, material in wedges)
+        heat = heat_exponent(thermal, *prescribed)
+    # free thermal expansion, over θ/2
+    expansions = [material.beta / (material.lam + material.mu) for _, material in wedges]
+    has_temperature = scene.conducts or scene.heat.theta
+    difference = max(expansions) - min(expansions)
+    if has_temperature and difference > 1e-12 * max(map(abs, expansions)):
         exponent = min(exponent, 1.0)  # u ~ r log r
-    contact = any(isinstance(roles[side.name], Contact) for side in sides)
-    laws = isinstance(scene.friction, EdgeLaws) and len({side.name for side in sides}) > 1
-    steps = contact and (set(words) != {"slipping contact"} or not one_material or laws)
-    meeting = () if one_material else tuple(name for name, _ in of)
+    has_contact = any(isinstance(roles[side.name], Contact) for side in sides)
+    has_two_edges = len({side.name for side in sides}) > 1
+    has_two_laws = isinstance(scene.friction, EdgeLaws) and has_two_edges
+    only_slips = set(words) == {"slipping contact"}
     return Vertex(
-        corner.at, math.fsum(angle for angle, _ in wedges), words, exponent, heat, steps, meeting
+        corner.at,
+        math.fsum(angle for angle, _ in wedges),
+        words,
+        exponent,
+        heat,
+        steps=has_contact and (not only_slips or not one_material or has_two_laws),
+        meeting=() if one_material else tuple(name for name, _ in regions),
     )
 
 
-def _condition(
-    role: Role, side: Side, at: Point, sticks: Sticks
-) -> tuple[tuple[Direction, ...], str]:
-    """Held directions in the polar frame of a side, and the condition in words."""
+def _merged_wedges(corner: Junction, scene: Scene) -> list[tuple[str, float]]:
+    """Return (region, angle) of the wedges, neighbours of one region as one."""
+    names = [name for name, _ in scene.material.regions]
+    wedges = [(region if region in names else BODY, angle) for angle, region in corner.wedges]
+    if corner.within:  # begin at an interface
+        starts = [i for i, (name, _) in enumerate(wedges) if name != wedges[i - 1][0]]
+        first = starts[0] if starts else 0
+        wedges = [*wedges[first:], *wedges[:first]]
+    merged = []
+    for name, group in groupby(wedges, lambda wedge: wedge[0]):
+        merged.append((name, math.fsum(angle for _, angle in group)))
+    return merged
+
+
+def _has_prescribed_temperature(role: Role) -> bool:
+    return role.heat is not None and role.heat.theta is not None
+
+
+def _condition(role: Role, side: Side, corner: Point, sticks: Sticks) -> tuple[Held, str]:
+    """Return the constrained directions in the polar frame of a side, and the condition in words."""
     if isinstance(role, Contact):
-        return (
-            (CLAMPED, "sticking contact")
-            if sticks(side.name, at)
-            else (SLIDING, "slipping contact")
-        )
-    if isinstance(role, Rigid):  # whatever it moves by, it is straight
+        if sticks(side.name, corner):
+            return CLAMPED, "sticking contact"
+        return SLIDING, "slipping contact"
+    if isinstance(role, Rigid):  # it stays straight
         return CLAMPED, "rigid"
     if not isinstance(role, Clamped):
         return FREE, "traction"
     if None not in role.u:
         return CLAMPED, "clamped"
+    constrains_first = role.u[0] is not None
     if role.frame == "nt":
-        return (SLIDING, "roller") if role.u[0] is not None else (((1.0, 0.0),), "guided")
-    d = (1.0, 0.0) if role.u[0] is not None else (0.0, 1.0)
+        return (SLIDING, "roller") if constrains_first else (((1.0, 0.0),), "guided")
+    d = (1.0, 0.0) if constrains_first else (0.0, 1.0)
     e_r = side.away
     e_phi = (-e_r[1], e_r[0])
-    local = (round(d[0] * e_r[0] + d[1] * e_r[1], 12), round(d[0] * e_phi[0] + d[1] * e_phi[1], 12))
-    return (local,), "roller"
+    radial = round(d[0] * e_r[0] + d[1] * e_r[1], 12)
+    angular = round(d[0] * e_phi[0] + d[1] * e_phi[1], 12)
+    return ((radial, angular),), "roller"
 
 
 def corner_words(vertex: Vertex) -> str:
-    """Which corner, in words."""
+    """Return which corner it is, in words."""
     x, y = vertex.at
-    where = f"at ({x:.4g}, {y:.4g})"
+    place = f"at ({x:.4g}, {y:.4g})"
     corner = f"{'–'.join(vertex.words)} corner of {math.degrees(vertex.angle):.4g}°"
     if not vertex.meeting:
-        return f"{corner} {where}"
-    met = " and ".join(dict.fromkeys(vertex.meeting))
-    return f"{met} meeting {f'in a {corner} ' if vertex.words else ''}{where}"
+        return f"{corner} {place}"
+    regions = " and ".join(dict.fromkeys(vertex.meeting))
+    if vertex.words:
+        return f"{regions} meeting in a {corner} {place}"
+    return f"{regions} meeting {place}"
 
 
 Complex = NDArray[np.complex128]
 Direction = tuple[float, float]
-"""A held direction in the polar frame (e_r, e_φ) of a side."""
+"""A constrained direction in the polar frame (e_r, e_φ) of a side."""
 Held = tuple[Direction, ...]
-"""Directions held on a side: none where it is free, two where it is clamped."""
+"""Constrained directions of a side: none where it is free, two where it is clamped."""
 
 FREE: Held = ()
 CLAMPED: Held = ((1.0, 0.0), (0.0, 1.0))
@@ -188,119 +216,150 @@ SLIDING: Held = ((0.0, 1.0),)
 """u_N = 0 without (or with a bounded, smooth) tangential traction."""
 
 SMOOTH = 2.0
-"""Exponent that stands for a corner without any below it: P1 elements cannot tell it from a smooth
-solution."""
+"""Exponent of a corner without any below it.
+
+P1 elements cannot tell it from a smooth solution.
+"""
 
 
 @lru_cache(maxsize=256)
 def corner_exponent(wedges: tuple[tuple[float, float, float], ...], *sides: Held) -> float:
-    """Smallest Re α in (0, SMOOTH) of u ~ r^α, SMOOTH if there is none.
+    """Return the smallest Re α in (0, SMOOTH) of u ~ r^α, SMOOTH if there is none.
 
-    wedges: opening angle [rad], shear modulus, κ of each, counter-clockwise;  sides: what is held on the first and on
-    the last side, nothing where the wedges close
+    wedges: opening angle [rad], shear modulus, κ of each, counter-clockwise
+    sides:  constrained directions of the first and the last side, nothing where the wedges close
     """
 
-    def carried(alpha: Complex) -> list[Complex]:
-        return [_carried(alpha, *wedge) for wedge in wedges]
+    def transfers(alpha: Complex) -> list[Complex]:
+        return [_transfer(alpha, *wedge) for wedge in wedges]
 
-    # a rotation of the whole is a zero at 1 of several orders where the wedges close, known to few
-    # digits
-    ends = (_allowed(sides[0]), _vanishing(sides[1])) if sides else None
-    return _least_exponent(carried, ends, SMOOTH, 1e-5 if sides else 1e-2)
+    if not sides:
+        # a rotation of the whole is a zero at 1 of several orders, known to few digits
+        return _least_exponent(transfers, None, SMOOTH, 1e-2)
+    ends = (_allowed(sides[0]), _vanishing(sides[1]))
+    return _least_exponent(transfers, ends, SMOOTH, 1e-5)
 
 
 @lru_cache(maxsize=256)
-def heat_exponent(wedges: tuple[tuple[float, float], ...], *given: bool) -> float:
-    """Smallest γ in (0, 1) of θ ~ r^γ, SMOOTH if there is none.
+def heat_exponent(wedges: tuple[tuple[float, float], ...], *prescribed: bool) -> float:
+    """Return the smallest γ in (0, 1) of θ ~ r^γ, SMOOTH if there is none.
 
-    wedges: opening angle [rad], conductivity of each;  given: whether θ is, on the first and on the last side (else
-    the flux), nothing where the wedges close
+    wedges:     opening angle [rad], conductivity of each
+    prescribed: whether θ is prescribed (else the flux) on the first and the last side, nothing
+                where the wedges close
     """
 
-    def carried(gamma: Complex) -> list[Complex]:
-        turned = [(np.cos(gamma * angle), np.sin(gamma * angle), k) for angle, k in wedges]
-        return [np.moveaxis(np.array([[c, s / k], [-k * s, c]]), -1, 0) for c, s, k in turned]
+    def transfers(gamma: Complex) -> list[Complex]:
+        matrices = []
+        for angle, k in wedges:
+            cosine = np.cos(gamma * angle)
+            sine = np.sin(gamma * angle)
+            rotation = np.array([[cosine, sine / k], [-k * sine, cosine]])
+            matrices.append(np.moveaxis(rotation, -1, 0))
+        return matrices
 
-    ends = (np.eye(2)[:, [int(given[0])]], np.eye(2)[[int(not given[1])]]) if given else None
-    return _least_exponent(carried, ends, 1.0, 1e-6)
+    if not prescribed:
+        return _least_exponent(transfers, None, 1.0, 1e-6)
+    allowed = np.eye(2)[:, [int(prescribed[0])]]
+    vanishing = np.eye(2)[[int(not prescribed[1])]]
+    return _least_exponent(transfers, (allowed, vanishing), 1.0, 1e-6)
 
 
 def _least_exponent(
-    carried: Callable[[Complex], list[Complex]],
+    transfers: Callable[[Complex], list[Complex]],
     ends: tuple[Array, Array] | None,
-    most: float,
+    limit: float,
     near: float,
 ) -> float:
-    """The smallest real part of the zeros of det(R₂ T N₁), or of det(T − 1) without ends; SMOOTH if
-    there is none.
+    """Return the smallest real part of the zeros of det(R₂ T N₁), SMOOTH if there is none.
 
-    carried: exponents (n,) → (n, k, k) what carries through every wedge;  ends: N₁ and R₂
+    Without ends it is that of det(T − 1).
+
+    transfers: exponents (n,) → (n, k, k) that carry s through every wedge
+    ends:      N₁ and R₂
     """
 
     def determinant(exponent: Complex) -> Complex:
-        through = reduce(lambda before, wedge: wedge @ before, carried(exponent))
-        closed = (
-            through - np.eye(through.shape[-1]) if ends is None else ends[1] @ through @ ends[0]
-        )
-        return np.asarray(np.linalg.det(closed))
+        through = reduce(lambda before, wedge: wedge @ before, transfers(exponent))
+        if ends is None:
+            condition = through - np.eye(through.shape[-1])
+        else:
+            allowed, vanishing = ends
+            condition = vanishing @ through @ allowed
+        return np.asarray(np.linalg.det(condition))
 
-    return float(min((root.real for root in _roots(determinant, most, near)), default=SMOOTH))
+    exponents = [root.real for root in _roots(determinant, limit, near)]
+    return float(min(exponents, default=SMOOTH))
 
 
-def _carried(alpha: Complex, angle: float, mu: float, kappa: float) -> Complex:
-    """(n, 4, 4) M(ω) M(0)⁻¹ of a wedge."""
-    plus, minus, zero = (alpha + 1) * angle, (alpha - 1) * angle, np.zeros_like(alpha)
-    cos_m, sin_m = np.cos(minus), np.sin(minus)
-    F = np.array([np.cos(plus), np.sin(plus), cos_m, sin_m])
-    dF = np.array(
-        [-(alpha + 1) * F[1], (alpha + 1) * F[0], -(alpha - 1) * sin_m, (alpha - 1) * cos_m]
-    )
-    u_r = -(alpha + 1) * F + (kappa + 1) * np.array([zero, zero, cos_m, sin_m])
-    u_phi = -dF + (kappa + 1) * np.array([zero, zero, sin_m, -cos_m])
-    there = np.array([u_r / (2 * mu), u_phi / (2 * mu), -dF, (alpha + 1) * F])
-    one = np.ones_like(alpha) / (kappa + 1)
-    C = np.array([2 * mu * one, zero, zero, one])  # from u_r, u_φ, σ_rφ, σ_φφ at φ = 0
-    D = np.array([zero, -2 * mu * one, one, zero])
+def _transfer(alpha: Complex, angle: float, mu: float, kappa: float) -> Complex:
+    """Return (n, 4, 4) M(ω) M(0)⁻¹ of a wedge."""
+    zero = np.zeros_like(alpha)
+    cos_plus = np.cos((alpha + 1) * angle)
+    sin_plus = np.sin((alpha + 1) * angle)
+    cos_minus = np.cos((alpha - 1) * angle)
+    sin_minus = np.sin((alpha - 1) * angle)
+    F = np.array([cos_plus, sin_plus, cos_minus, sin_minus])
+    dF_plus = [-(alpha + 1) * sin_plus, (alpha + 1) * cos_plus]
+    dF_minus = [-(alpha - 1) * sin_minus, (alpha - 1) * cos_minus]
+    dF = np.array([*dF_plus, *dF_minus])
+    u_r = -(alpha + 1) * F + (kappa + 1) * np.array([zero, zero, cos_minus, sin_minus])
+    u_phi = -dF + (kappa + 1) * np.array([zero, zero, sin_minus, -cos_minus])
+    M = np.array([u_r / (2 * mu), u_phi / (2 * mu), -dF, (alpha + 1) * F])
+
+    # A, B, C and D from u_r, u_φ, σ_rφ, σ_φφ at φ = 0
+    unit = np.ones_like(alpha) / (kappa + 1)
+    C = np.array([2 * mu * unit, zero, zero, unit])
+    D = np.array([zero, -2 * mu * unit, unit, zero])
     A = np.array([zero, zero, zero, 1 / (alpha + 1)]) - C
     B = (np.array([zero, zero, -1 + zero, zero]) - (alpha - 1) * D) / (alpha + 1)
-    return np.asarray(np.einsum("ijn,jkn->nik", there, np.array([A, B, C, D])))
+    return np.asarray(np.einsum("ijn,jkn->nik", M, np.array([A, B, C, D])))
 
 
-def _allowed(held: Held) -> Array:
-    """(4, 2) basis of the (u_r, u_φ, σ_rφ, σ_φφ) that a side allows."""
-    if len(held) != 1:
-        return np.eye(4)[:, 2:] if held else np.eye(4)[:, :2]
-    ((a, b),) = held
+def _allowed(constraints: Held) -> Array:
+    """Return a (4, 2) basis of the (u_r, u_φ, σ_rφ, σ_φφ) that a side allows."""
+    if len(constraints) != 1:
+        return np.eye(4)[:, 2:] if constraints else np.eye(4)[:, :2]
+    ((a, b),) = constraints
     return np.array([[-b, 0.0], [a, 0.0], [0.0, a], [0.0, b]])
 
 
-def _vanishing(held: Held) -> Array:
-    """(2, 4) what of them vanishes on a side: what one allows that holds the other directions."""
-    other = tuple((b, -a) for a, b in held) if len(held) == 1 else FREE if held else CLAMPED
-    return _allowed(other).T
+def _vanishing(constraints: Held) -> Array:
+    """Return (2, 4) the parts of (u_r, u_φ, σ_rφ, σ_φφ) that vanish on a side.
+
+    They are those that a side with the other directions constrained allows.
+    """
+    if len(constraints) == 1:
+        ((a, b),) = constraints
+        return _allowed(((b, -a),)).T
+    return _allowed(FREE if constraints else CLAMPED).T
 
 
-def _roots(function: Callable[[Complex], Complex], most: float, near: float) -> list[complex]:
-    """Zeros in 0 < Re α < most but 1, and not so near the ends: Newton's method from a grid of
-    starts."""
-    real, imaginary = np.meshgrid(np.linspace(0.05, most, 40), np.linspace(0.0, 1.6, 9))
+def _roots(function: Callable[[Complex], Complex], limit: float, near: float) -> list[complex]:
+    """Return zeros in 0 < Re α < limit but 1, and not close to the ends.
+
+    They are sought by Newton's method from a grid of starts.
+    """
+    real, imaginary = np.meshgrid(np.linspace(0.05, limit, 40), np.linspace(0.0, 1.6, 9))
     alpha: Complex = (real + 1j * imaginary).ravel().astype(np.complex128)
-    step, eps = np.full(alpha.shape, np.inf, dtype=complex), 1e-6
+    step = np.full(alpha.shape, np.inf, dtype=complex)
+    eps = 1e-6
     with np.errstate(all="ignore"):
         for _ in range(60):
-            on = np.abs(step) > 1e-12
-            value, right, left = np.split(
-                function(np.concatenate([alpha[on] + d for d in (0.0, eps, -eps)])), 3
-            )
-            newton = value * 2 * eps / (right - left)
-            step[on] = newton = np.where(
-                np.isfinite(newton), newton, 1.0
-            )  # where the slope vanishes
-            moved = alpha[on] - newton * np.minimum(1.0, 0.3 / np.maximum(np.abs(newton), 1e-300))
-            alpha[on] = np.where(np.abs(moved) < 20, moved, 20.0)
-    found: list[complex] = []
+            moving = np.abs(step) > 1e-12
+            start = alpha[moving]
+            points = np.concatenate([start + offset for offset in (0.0, eps, -eps)])
+            value, value_right, value_left = np.split(function(points), 3)
+            newton = value * 2 * eps / (value_right - value_left)
+            newton = np.where(np.isfinite(newton), newton, 1.0)  # where the slope vanishes
+            step[moving] = newton
+            damping = np.minimum(1.0, 0.3 / np.maximum(np.abs(newton), 1e-300))
+            moved = start - newton * damping
+            alpha[moving] = np.where(np.abs(moved) < 20, moved, 20.0)
+    roots: list[complex] = []
     for root in alpha[np.abs(step) < 1e-6]:
-        inside = 1e-3 < root.real < most - near and abs(root.imag) < 3
-        if inside and abs(root - 1) > near and all(abs(root - other) > 1e-6 for other in found):
-            found.append(complex(root))
-    return found
+        is_inside = 1e-3 < root.real < limit - near and abs(root.imag) < 3
+        is_new = all(abs(root - earlier) > 1e-6 for earlier in roots)
+        if is_inside and abs(root - 1) > near and is_new:
+            roots.append(complex(root))
+    return roots

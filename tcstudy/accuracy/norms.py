@@ -52,41 +52,46 @@ _RULES = {3: (INNER, np.full(3, 1 / 3)), 7: (_RADON, _WEIGHTS)}
 degree five."""
 
 
-def _at(mesh: TriangleGeometry, q: int) -> Array:
-    """(2, t, q) x and y of the points."""
+def _points(mesh: TriangleGeometry, q: int) -> Array:
+    """Return (2, t, q) x and y of the points of a rule."""
     return np.einsum("qk,tkd->dtq", _RULES[q][0], mesh.corners)
 
 
 def nodal(mesh: TriangleGeometry, v: Array, q: int = 3) -> Sample:
-    """A P1 function (n,)."""
+    """Return the sample of a P1 function with nodal values v (n,)."""
     return v[mesh.triangles] @ _RULES[q][0].T, mesh.gradient(v).T[:, :, None]
 
 
 def affine(mesh: TriangleGeometry, value: Array, gradient: Array) -> Sample:
-    """A function that is linear on every triangle, from its values at the centres (t,) and
-    gradients (t, 2)."""
-    apart = _at(mesh, 3) - mesh.centres.T[:, :, None]
-    return value[:, None] + np.einsum("td,dtq->tq", gradient, apart), gradient.T[:, :, None]
+    """Return the sample of a function that is linear on every triangle.
+
+    value: (t,) at the centres;  gradient: (t, 2)
+    """
+    offset = _points(mesh, 3) - mesh.centres.T[:, :, None]
+    values = value[:, None] + np.einsum("td,dtq->tq", gradient, offset)
+    return values, gradient.T[:, :, None]
 
 
 def given(mesh: TriangleGeometry, function: Function) -> Sample:
-    """A function given by value and gradient, at seven points."""
-    return function(*_at(mesh, 7))
+    """Return the sample of a function given by value and gradient, at seven points."""
+    return function(*_points(mesh, 7))
 
 
 def norms(
     mesh: TriangleGeometry, parts: Sequence[Sample], lam: Modulus, mu: Modulus
 ) -> dict[str, float]:
-    """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2
-    and theta_H1."""
-    weight = mesh.area[:, None] * _RULES[parts[0][0].shape[1]][1]
+    """Return ‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2.
+
+    A third part is a temperature and gives theta_L2 and theta_H1.
+    """
+    n_points = parts[0][0].shape[1]
+    weight = mesh.area[:, None] * _RULES[n_points][1]
     (u, du), (v, dv), *theta = parts
-    lam, mu = (np.reshape(modulus, (-1, 1)) for modulus in (lam, mu))
-    energy = lam * (du[0] + dv[1]) ** 2 + 2 * mu * (
-        du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2
-    )
+    lam = np.reshape(lam, (-1, 1))
+    mu = np.reshape(mu, (-1, 1))
+    strain = du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2
     squares = {
-        "u_energy": energy,
+        "u_energy": lam * (du[0] + dv[1]) ** 2 + 2 * mu * strain,
         "u_H1": (du**2).sum(axis=0) + (dv**2).sum(axis=0),
         "u_L2": u**2 + v**2,
     }
@@ -96,12 +101,13 @@ def norms(
 
 
 def integral(mesh: TriangleGeometry, density: Callable[[Array, Array], Array]) -> float:
-    """∫ of a function of x and y, by the seven-point rule."""
-    return float((mesh.area[:, None] * _WEIGHTS * density(*_at(mesh, 7))).sum())
+    """Return ∫ of a function of x and y, by the seven-point rule."""
+    values = density(*_points(mesh, 7))
+    return float((mesh.area[:, None] * _WEIGHTS * values).sum())
 
 
 def less(a: Sample, b: Sample) -> Sample:
-    """a − b."""
+    """Return a − b."""
     return a[0] - b[0], a[1] - b[1]
 
 
@@ -109,86 +115,94 @@ LineFunction = Callable[[Array, Array, Array], Array]
 """x, y (…) and normals (…, 2) → values (…)."""
 
 _GAUSS, _LINE_WEIGHTS = np.polynomial.legendre.leggauss(5)
-_AT, _W = 0.5 * (1 + _GAUSS), 0.5 * _LINE_WEIGHTS
+_PLACES = 0.5 * (1 + _GAUSS)
+_LINE_RULE = 0.5 * _LINE_WEIGHTS
+"""Gauss points of [0, 1] and their weights."""
 
 
 def linear(ends: Array) -> list[Array]:
-    """What is linear on every segment, given at its ends (s, 2), for `line_norms`."""
-    return [ends[:, :1] * (1 - _AT) + ends[:, 1:] * _AT]
+    """Return for `line_norms` a function linear on every segment, given at its ends (s, 2)."""
+    return [ends[:, :1] * (1 - _PLACES) + ends[:, 1:] * _PLACES]
 
 
 def steps(halves: Array) -> list[Array]:
-    """What is constant on half segments (s, 2), for `line_norms`."""
+    """Return for `line_norms` a function constant on half segments (s, 2)."""
     return [halves[:, :1], halves[:, 1:]]
 
 
 def line_norms(
     ends: Array, normals: Array, v: list[Array], f: LineFunction | None = None
 ) -> tuple[float, float]:
-    """‖v − f‖ and ‖f‖ in L² of segments with these ends (s, 2, 2); f = 0 without one.
+    """Return ‖v − f‖ and ‖f‖ in L² of segments with these ends (s, 2, 2); f = 0 without one.
 
     normals: (s, 2, 2) outward unit normals of the exact curve at the ends
-    v:       its values (s, q), or (s, 1), at the Gauss points of so many equal parts of every segment
+    v:       for each of equal parts of every segment its values (s, q), or (s, 1), at the Gauss
+             points
     """
-    error, size, share = 0.0, 0.0, 1.0 / len(v)
-    a, along = ends[:, :1], ends[:, 1:] - ends[:, :1]
-    weight = share * _W * np.linalg.norm(along, axis=2)
+    square_error = 0.0
+    square_size = 0.0
+    share = 1.0 / len(v)
+    start = ends[:, :1]
+    chord = ends[:, 1:] - start
+    weight = share * _LINE_RULE * np.linalg.norm(chord, axis=2)
     for i, part in enumerate(v):
-        t = (share * (i + _AT))[None, :, None]
-        at, n = a + t * along, normals[:, :1] * (1 - t) + normals[:, 1:] * t
+        t = (share * (i + _PLACES))[None, :, None]
+        points = start + t * chord
+        n = normals[:, :1] * (1 - t) + normals[:, 1:] * t
         n /= np.linalg.norm(n, axis=2, keepdims=True)
-        exact = np.zeros(len(_AT)) if f is None else f(at[..., 0], at[..., 1], n)
-        error, size = (
-            error + float((weight * (part - exact) ** 2).sum()),
-            size + float((weight * exact**2).sum()),
-        )
-    return float(np.sqrt(error)), float(np.sqrt(size))
+        exact = np.zeros(len(_PLACES)) if f is None else f(points[..., 0], points[..., 1], n)
+        square_error += float((weight * (part - exact) ** 2).sum())
+        square_size += float((weight * exact**2).sum())
+    return float(np.sqrt(square_error)), float(np.sqrt(square_size))
 
 
-def prolongation(coarse: int, fine_points: Array, fine_triangles: Indices) -> sp.csr_array:
-    """(n_fine, n_coarse) from nodal values of a mesh of so many nodes to those on its uniform
-    refinement."""
-    import scipy.sparse as sp  # here, since who reads a study alone does not wait for it
+def prolongation(n_coarse: int, fine_points: Array, fine_triangles: Indices) -> sp.csr_array:
+    """Return (n_fine, n_coarse) from nodal values of a mesh to those on its uniform refinement."""
+    import scipy.sparse as sp  # here, since reading a study must not wait for it
 
-    n, n_fine = coarse, len(fine_points)
-    sides = np.concatenate([fine_triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-    half = (sides >= n).sum(axis=1) == 1
-    pairs = np.unique(np.sort(sides[half], axis=1), axis=0)
-    parents = pairs[np.argsort(pairs[:, 1], kind="stable"), 0]  # two of every new node
-    rows = np.concatenate([np.arange(n), np.repeat(np.arange(n, n_fine), 2)])
-    entries = np.concatenate([np.ones(n), np.full(len(parents), 0.5)])
-    return sp.csr_array(
-        (entries, (rows, np.concatenate([np.arange(n), parents]))), shape=(n_fine, n)
-    )
+    n_fine = len(fine_points)
+    corner_pairs = ((0, 1), (1, 2), (2, 0))
+    sides = np.concatenate([fine_triangles[:, pair] for pair in corner_pairs])
+    is_half_edge = (sides >= n_coarse).sum(axis=1) == 1
+    half_edges = np.unique(np.sort(sides[is_half_edge], axis=1), axis=0)
+    by_new_node = np.argsort(half_edges[:, 1], kind="stable")
+    parents = half_edges[by_new_node, 0]  # two of every new node
+    old_nodes = np.arange(n_coarse)
+    rows = np.concatenate([old_nodes, np.repeat(np.arange(n_coarse, n_fine), 2)])
+    columns = np.concatenate([old_nodes, parents])
+    entries = np.concatenate([np.ones(n_coarse), np.full(len(parents), 0.5)])
+    return sp.csr_array((entries, (rows, columns)), shape=(n_fine, n_coarse))
 
 
 INSIDE = -1e-10
-"""Least barycentric coordinate of a point that counts as inside."""
+"""Smallest barycentric coordinate of a point that counts as inside."""
 
 
-def interpolation(mesh: TriangleGeometry, at: Array) -> sp.csr_array:
-    """(q, n) matrix from nodal values of a P1 function to its values at the points `at` (q, 2)."""
+def interpolation(mesh: TriangleGeometry, points: Array) -> sp.csr_array:
+    """Return (q, n) from nodal values of a P1 function to its values at points (q, 2)."""
     import scipy.sparse as sp
 
-    found, weights = located(mesh, at)
-    rows = np.repeat(np.arange(len(at)), 3)
-    columns = mesh.triangles[found].ravel()
-    return sp.csr_array((weights.ravel(), (rows, columns)), shape=(len(at), len(mesh.points)))
+    triangle, weights = located(mesh, points)
+    rows = np.repeat(np.arange(len(points)), 3)
+    columns = mesh.triangles[triangle].ravel()
+    shape = (len(points), len(mesh.points))
+    return sp.csr_array((weights.ravel(), (rows, columns)), shape=shape)
 
 
-def located(mesh: TriangleGeometry, at: Array) -> tuple[Indices, Array]:
-    """The triangle (q,) that each point lies in, or that is nearest to it, and its barycentric
-    coordinates (q, 3)."""
+def located(mesh: TriangleGeometry, points: Array) -> tuple[Indices, Array]:
+    """Return the triangle (q,) of each point and its barycentric coordinates (q, 3).
+
+    It is the triangle in which the point lies, or the nearest one.
+    """
     from scipy.spatial import cKDTree  # here, because a run imports this module and seldom needs it
 
-    found = cKDTree(mesh.centres).query(at)[1]
-    weights = mesh.barycentric(at, found)
-    lost = np.flatnonzero(weights.min(axis=1) < INSIDE)
-    if len(lost):
+    triangle = cKDTree(mesh.centres).query(points)[1]
+    weights = mesh.barycentric(points, triangle)
+    elsewhere = np.flatnonzero(weights.min(axis=1) < INSIDE)
+    if len(elsewhere):
         import shapely
 
-        found[lost] = shapely.STRtree(shapely.polygons(mesh.corners)).nearest(
-            shapely.points(at[lost])
-        )
-        weights[lost] = mesh.barycentric(at[lost], found[lost])
-    return found, weights
+        tree = shapely.STRtree(shapely.polygons(mesh.corners))
+        triangle[elsewhere] = tree.nearest(shapely.points(points[elsewhere]))
+        weights[elsewhere] = mesh.barycentric(points[elsewhere], triangle[elsewhere])
+    return triangle, weights
