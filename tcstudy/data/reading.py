@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tcstudy.data import schema
 from tcstudy.data.bodies import StoredBody, unmasked
 from tcstudy.data.files import OTHER_OUTPUT, Kind, attributes, kind_of, reading
+from tcstudy.data.labelled import LabelledTable
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import GEOMETRIES, SWEEP, PointStatus, line_variables
 from tcstudy.data.store import numbers
@@ -63,6 +64,13 @@ def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
         raise StoreError(f"{path} holds a {found}, not a {kind}; use tcstudy show")
     with open_root(path) as data:
         return data.load()
+
+
+def load_table(path: Path, without: tuple[str, ...] = ()) -> LabelledTable:
+    """Return the root group of a result file for reports, without variables of these names; xarray
+    is not imported. Raises StoreError."""
+    with opened(path) as nc:
+        return LabelledTable.of(nc, without)
 
 
 def sweep_dims(data: Any) -> list[str]:

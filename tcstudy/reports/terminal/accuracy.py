@@ -3,8 +3,9 @@ errors against time."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -229,26 +230,28 @@ def shown(at: Any) -> list[Measure]:
 
 def _levels(data: Any) -> Table:
     """The levels; of a sweep over geometries those of each, beside what makes it."""
-    sizes = data[["h_max", "n_dof", "n_contact"]].fillna(-1)
-    for dim in [dim for dim in sizes["h_max"].dims if dim != "level"]:
-        first = sizes.isel({dim: 0})
-        sizes = first if bool((sizes == first).all().to_array().all()) else sizes
+    dims = list(data["h_max"].dims)
+    columns = [
+        np.nan_to_num(data[name].values, nan=-1.0) for name in ("h_max", "n_dof", "n_contact")
+    ]
+    sizes = np.stack(columns, axis=-1).astype(float)
+    for dim in [dim for dim in dims if dim != "level"]:
+        axis = dims.index(dim)
+        first = sizes.take(0, axis)
+        if np.all(sizes == np.expand_dims(first, axis)):
+            dims.remove(dim)
+            sizes = first
     divisor, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
-    labels = {
-        name: axis_labels(data, name)
-        for name in axis_names(data)
-        if data[name].dims[0] in sizes.dims
-    }
+    names = [name for name in axis_names(data) if data[name].dims[0] in dims]
+    labels = {name: axis_labels(data, name) for name in names}
     rows = []
-    for place in np.ndindex(sizes["h_max"].shape):
-        where = dict(zip(sizes["h_max"].dims, place, strict=True))
-        h, dofs, contact = (float(sizes[name][where]) for name in ("h_max", "n_dof", "n_contact"))
-        own = (texts[where[data[name].dims[0]]] for name, (texts, _) in labels.items())
-        rows += (
-            [(*own, str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}")]
-            if h > 0.0
-            else []
-        )
+    for place in np.ndindex(sizes.shape[:-1]):
+        where = dict(zip(dims, place, strict=True))
+        h, dofs, contact = sizes[place]
+        if h > 0.0:
+            own = [texts[where[data[name].dims[0]]] for name, (texts, _) in labels.items()]
+            size = number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}"
+            rows.append((*own, str(place[-1]), *size))
     header = [
         *(headed(name, unit) for name, (_, unit) in labels.items()),
         "level",
@@ -277,7 +280,7 @@ def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
                 _fixed(float(at[f"slope_{m.name}"])),
             )
             text = verdict if verdict == "exact" else slope + MARKS.get(verdict, "")
-            cells.append(text if (at["status"] == int(PointStatus.OK)).all() else f"({text})")
+            cells.append(text if np.all(at["status"].values == PointStatus.OK) else f"({text})")
         columns.append(TextColumn(m.symbol, cells, rank))
     yield Table("Orders of convergence", columns)
     yield OVERVIEW
@@ -393,64 +396,112 @@ def measure_of(data: Any, wanted: str | None) -> str:
     return name
 
 
-def settings(data: Any, measure: str) -> list[Any]:
-    """All settings that were measured, family by family and solver by solver, coarse to fine.
+@dataclass(frozen=True)
+class Setting:
+    """A family of meshes, a level and a solver that were measured.
 
-    Each has its family, solver, level, status, n_dof, n_contact, and
     error: relative;  time, upper: least wall time of all runs and their upper quartile [s]
     solved: whether it passed its acceptance test;  own: whether it is the study's own
     families: all that have this very mesh, whose runs are taken together;  first: it stands for them
     dominated: whether another setting is as fast and as accurate, and better in one of the two
     """
-    sizes = ["n_dof", "n_contact", "h_max"]
-    own = {part: data.attrs[f"own_{part}"] for part in ("family", "solver", "level")}
-    columns = data[["status", *sizes]].assign(
-        error=data[f"error_{measure}"],
-        solved=data["status"] == PointStatus.OK,
-        own=(data["family"] == own["family"])
-        & (data["solver"] == own["solver"])
-        & (data["level"] == own["level"]),
-    )
-    dims = ["family", "solver", "level"]
-    rows = columns.to_dataframe(dims).reset_index()
-    runs = data["time"].transpose(*dims, "run").values.reshape(len(rows), -1)
-    measured = rows["status"].values != PointStatus.NOT_RUN
-    rows, runs = rows[measured].reset_index(drop=True), runs[measured]
-    solver = rows["solver"].astype("category").cat.codes
-    first = equal_settings(
-        np.column_stack([solver, *(rows[name] for name in sizes)]).astype(float),
-        rows["error"].values,
-    )
+
+    family: str
+    solver: str
+    level: int
+    status: int
+    n_dof: int
+    n_contact: int
+    h_max: float
+    error: float
+    solved: bool
+    own: bool
+    time: float = math.nan
+    upper: float = math.nan
+    first: bool = True
+    families: tuple[str, ...] = ()
+    dominated: bool = False
+
+
+def settings(data: Any, measure: str) -> list[Setting]:
+    """Return all settings that were measured, family by family and solver by solver, coarse to
+    fine."""
+    dims = ("family", "solver", "level")
+    runs = data["time"].transpose(*dims, "run").values
+    measured = list[Setting]()
+    times = list[Any]()
+    for place in np.ndindex(runs.shape[:-1]):
+        setting = _setting(data, measure, dict(zip(dims, place, strict=True)))
+        if setting.status != PointStatus.NOT_RUN:
+            measured.append(setting)
+            times.append(runs[place])
+    solvers = data["solver"].values.tolist()
+    sizes = [(solvers.index(s.solver), s.n_dof, s.n_contact, s.h_max) for s in measured]
+    errors = np.array([setting.error for setting in measured])
+    first = equal_settings(np.array(sizes, dtype=float).reshape(-1, 4), errors)
     for mesh in np.unique(first):
         equal = np.flatnonzero(first == mesh)
-        representative = next((i for i in equal if rows["own"][i]), mesh)
+        representative = next((i for i in equal if measured[i].own), mesh)
         first[equal] = representative
-        rows.loc[equal, ["time", "upper"]] = np.quantile(runs[equal], (0.0, 0.75))
-    rows["first"] = first == np.arange(len(rows))
-    rows["families"] = [tuple(rows["family"][first == mesh]) for mesh in first]
-    time = np.where(rows["solved"], rows["time"], np.nan)
-    rows["dominated"] = dominated(time, rows["error"].values)
-    return list(rows.itertuples(index=False))
+        least, upper = np.quantile([times[i] for i in equal], (0.0, 0.75))
+        families = tuple(measured[i].family for i in equal)
+        for i in equal:
+            measured[i] = replace(
+                measured[i],
+                time=float(least),
+                upper=float(upper),
+                first=i == representative,
+                families=families,
+            )
+    time = np.array([setting.time if setting.solved else np.nan for setting in measured])
+    beaten = dominated(time, errors)
+    return [
+        replace(setting, dominated=bool(b)) for setting, b in zip(measured, beaten, strict=True)
+    ]
 
 
-def words(setting: Any) -> str:
+def _setting(data: Any, measure: str, where: Mapping[str, int]) -> Setting:
+    """Return what a file has of a setting by its index along family, solver and level."""
+
+    def at(name: str) -> Any:
+        variable = data[name]
+        return variable.isel({dim: i for dim, i in where.items() if dim in variable.dims}).item()
+
+    family, solver, level = at("family"), at("solver"), at("level")
+    own = tuple(data.attrs[f"own_{part}"] for part in ("family", "solver", "level"))
+    status = at("status")
+    return Setting(
+        family=family,
+        solver=solver,
+        level=level,
+        status=status,
+        n_dof=at("n_dof"),
+        n_contact=at("n_contact"),
+        h_max=at("h_max"),
+        error=at(f"error_{measure}"),
+        solved=status == PointStatus.OK,
+        own=(family, solver, level) == own,
+    )
+
+
+def words(setting: Setting) -> str:
     """A setting in words; "study" is its own family of meshes."""
     family = "the study's meshes" if setting.family == "study" else setting.family
     return f"{family}, level {setting.level}, {setting.solver}"
 
 
-def front(found: Sequence[Any]) -> list[Any]:
+def front(found: Sequence[Setting]) -> list[Setting]:
     """Settings that no other beats in both, from fast to accurate, each mesh once."""
     return sorted((s for s in found if s.first and not s.dominated), key=lambda s: s.time)
 
 
-def clearly_faster(one: Any, other: Any) -> bool:
+def clearly_faster(one: Setting, other: Setting) -> bool:
     """Return whether a setting is faster beyond noise: the upper quartile of its times lies below
     every time of the other one."""
     return bool(one.upper < other.time)
 
 
-def advice(found: Sequence[Any]) -> list[str]:
+def advice(found: Sequence[Setting]) -> list[str]:
     """Sentences: the study's own setting, what is better, and which meshes suit which error."""
     measured = [s for s in found if s.first and s.solved and np.isfinite(s.error)]
     if not measured:
@@ -465,7 +516,7 @@ def advice(found: Sequence[Any]) -> list[str]:
     return [*_own_and_better(found, measured), *_front_words(found)]
 
 
-def _own_and_better(found: Sequence[Any], measured: Sequence[Any]) -> list[str]:
+def _own_and_better(found: Sequence[Setting], measured: Sequence[Setting]) -> list[str]:
     """Return the study's own setting, and those that are more accurate in less time, or in a time
     that the runs do not tell apart."""
     own = next((s for s in found if s.own), None)
@@ -491,13 +542,13 @@ def _own_and_better(found: Sequence[Any], measured: Sequence[Any]) -> list[str]:
     return [*answer, "no other setting measured is both faster and more accurate"]
 
 
-def _setting_words(setting: Any, own: Any) -> str:
+def _setting_words(setting: Setting, own: Setting) -> str:
     """Return a setting with its error and its time; the solver only where it is another one."""
     mesh = words(setting).removesuffix(f", {own.solver}")
     return f"{mesh}: {percent(setting.error)} in {_seconds(setting.time)}"
 
 
-def _front_words(found: Sequence[Any]) -> list[str]:
+def _front_words(found: Sequence[Setting]) -> list[str]:
     """Return which meshes and solvers are on the Pareto front at which errors.
 
     A mesh that several families share counts with the family beside it on the front.

@@ -71,14 +71,14 @@ def _estimates(data: Any) -> Table:
     rows = []
     for i, name in enumerate(names):
         low, high = data["interval"].values[i]
-        estimate = float(data["estimate"][i])
+        estimate = float(data["estimate"].values[i])
         divisor, unit = prefix([estimate], str(data["parameter_units"].values[i]))
         between = f"{number(low / divisor)} … {number(high / divisor)}"
         if not np.isfinite(low):
-            between = "on its bound" if int(data["at_bound"][i]) else "not determined"
+            between = "on its bound" if int(data["at_bound"].values[i]) else "not determined"
         own = [
             number(estimate / divisor, 5),
-            number(float(data["standard_error"][i]) / divisor, 2),
+            number(float(data["standard_error"].values[i]) / divisor, 2),
             between,
             unit,
         ]

@@ -19,9 +19,8 @@ from tcstudy.data.reading import (
     asked,
     axis_names,
     by_point,
-    load_root,
+    load_table,
     of_largest,
-    open_root,
     opened,
     sweep_dims,
 )
@@ -64,8 +63,7 @@ def text_of(
     of:    of a design, the number whose indices to show
     """
     kind, verdict = kind_of(file), verdict_of(file)
-    with open_root(file) as root:
-        data = root.drop_vars(NOT_SAID if kind == "run" else [], errors="ignore").load()
+    data = load_table(file, NOT_SAID if kind == "run" else ())
     heading, *rest = KINDS[kind][1](data, full, point)
     # the labelled lines of costs stand in their parts, which are those of one error
     first = [] if kind == "cost" else [verdict]
@@ -80,10 +78,10 @@ def text_of(
 def verdict_of(path: Path) -> Verdict:
     """Return what a file of any kind says first. Raises StoreError.
 
-    A run may have a million points: of it a few variables are read, without the import of xarray.
+    A run may have a million points: of it a few variables are read.
     """
     if (kind := kind_of(path)) != "run":
-        return KINDS[kind][0](load_root(path))
+        return KINDS[kind][0](load_table(path))
     with opened(path) as nc:
         return sentences.run_verdict(nc)
 
@@ -120,14 +118,18 @@ _ESTIMATED = (
 
 def _levels(data: Any) -> Table:
     """One row per mesh level: size, outcome, worst residual, and the seconds that it took."""
-    dims, total = sweep_dims(data), data["status"].isel(level=0).size
-    ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
-    worst, lowest = data["inclusion_residual"].max(dims).values, data["lambda_1"].min(dims).values
-    spent = (
-        data["time_mesh"]
-        + data["time_assemble"]
-        + (data["time_condense"] + data["time_solve"]).sum(dims)
-    )
+
+    def by_level(name: str) -> Any:
+        """Return (P, levels) values of a number of the points."""
+        return by_point(data[name], data)
+
+    status = by_level("status")
+    total = len(status)
+    ok = (status == PointStatus.OK).sum(axis=0)
+    worst = np.fmax.reduce(by_level("inclusion_residual"))
+    lowest = np.fmin.reduce(by_level("lambda_1"))
+    of_points = np.nansum(by_level("time_condense") + by_level("time_solve"), axis=0)
+    spent = data["time_mesh"].values + data["time_assemble"].values + of_points
     columns = [
         TextColumn("level", data["level"].values.astype(str)),
         quantity("h_max", data["h_max"].values, data["h_max"].attrs["units"], rank=2),
@@ -136,13 +138,12 @@ def _levels(data: Any) -> Table:
         TextColumn("ok", [f"{int(n)}/{total}" for n in ok]),
         quantity("worst residual", worst, digits=2),
         quantity("λ₁", lowest, data["lambda_1"].attrs["units"], rank=6),
-        quantity("time [s]", spent.values, digits=2, rank=8),
+        quantity("time [s]", spent, digits=2, rank=8),
     ]
     for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
         units = data[name].attrs.get("units", "1")
-        columns.append(
-            quantity(title, data[name].max(dims).values, units, 2, rank, data[name].values)
-        )
+        largest = np.fmax.reduce(by_level(name))
+        columns.append(quantity(title, largest, units, 2, rank, data[name].values))
     return Table("", columns)
 
 
@@ -440,7 +441,7 @@ def _point(data: Any, place: Any) -> str:
     """The labels of a point and its level in words; place: index along every dimension of the
     status."""
     where = dict(zip(data["status"].dims, (int(i) for i in place), strict=True))
-    level = f"level {int(data['level'][where.pop('level')])}"
+    level = f"level {int(data['level'].values[where.pop('level')])}"
     name = describe(data, where)
     return f"{name} on {level}" if name else level
 
