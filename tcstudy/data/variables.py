@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
+from tcstudy.data.labelled import LabelledArray, LabelledTable
 from tcstudy.data.schema import (
     DIFFERENCE,
     INNER,
@@ -34,7 +35,6 @@ from tcstudy.scene.study import Axis, Study
 
 if TYPE_CHECKING:
     import netCDF4
-    import xarray
 
 
 Places = NDArray[np.intp]
@@ -237,13 +237,13 @@ def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
     return named | extra
 
 
-def sweep_points(study: Study) -> xarray.Dataset:
-    """A dataset with the study's axes and an empty `status`, to find a point by its labels."""
-    import xarray
-
-    data = xarray.Dataset(attrs={"sweep_mode": study.mode})
-    for axis, name in zip(study.axes, axis_names(study.axes), strict=True):
-        coordinate = (sweep_dims(study, axis), axis_labels(axis), axis_attributes(axis))
-        data = data.assign_coords({name: coordinate})
-    data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
-    return data
+def sweep_points(study: Study) -> LabelledTable:
+    """Return a table with the study's axes and an empty `status`, to find a point by its labels."""
+    status = LabelledArray(np.zeros(study.shape, dtype=np.int8), sweep_dims(study), {})
+    variables = {"status": status}
+    names = axis_names(study.axes)
+    for axis, name in zip(study.axes, names, strict=True):
+        dims = sweep_dims(study, axis)
+        variables[name] = LabelledArray(axis_labels(axis), dims, axis_attributes(axis))
+    attrs = {"sweep_mode": study.mode}
+    return LabelledTable(variables, attrs, status.sizes, frozenset(names))
