@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 from tcstudy.read.study import read_study
-from tcstudy.study import cost
+from tcstudy.study import stored
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.plan import plan
 from tests.commands import tcstudy_command
@@ -101,7 +101,7 @@ def test_a_sweep_gets_one_row_of_orders_a_point(tmp_path: Path) -> None:
 def test_one_command_makes_the_chart_of_a_point_and_others_show_it_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cost, "RUNS", 2)
+    monkeypatch.setattr(stored, "RUNS", 2)
     made(tmp_path, STUDY.replace("maxh: 0.3", "maxh: 0.8"))
     result = tcstudy_command(
         "cost", "block.yaml", "--plot", "a.png", "--at", "tau=0.01", cwd=tmp_path, code=0

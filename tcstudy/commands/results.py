@@ -169,7 +169,7 @@ def _scene(
     from tcstudy.read.study import body_as_given, read_study
     from tcstudy.reports.figures import style
     from tcstudy.reports.figures.scene import faulty_figure, scene_figure
-    from tcstudy.study.lint import check_kind
+    from tcstudy.study.stored import check_kind
 
     for name in (name for name, one in asked.items() if one not in (None, False)):
         fail(f"{name}: a study that was not run has no results to draw; leave it out")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tcstudy.data.files import Kind
     from tcstudy.reports.terminal.progress import Progress
     from tcstudy.scene.study import Study
-    from tcstudy.study.run import Kept
+    from tcstudy.study.stored import Kept
 
 KEPT = {
     "run": "finished points are kept, the same command goes on from there",
@@ -224,13 +224,11 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
 def usable(kind: Kind, study: Study, output: Path | None) -> Path:
     """The file that is asked for or usual for these results, where they can be. Raises UsageError
     with all faults."""
-    from tcstudy.study.lint import (
-        check_kind,
-        faults,
-        output_of,
-    )  # needs the mesher, a fault in the text does not
+    from tcstudy.study.stored import check_kind, output_of
 
     check_kind(study, kind, str(study.source or "the study"))
+    from tcstudy.study.lint import faults  # needs the mesher, a fault in the text does not
+
     output = output or output_of(study, kind)
     if problems := faults(study, output):
         fail("\n".join(problems))
@@ -265,8 +263,6 @@ def do(
     Raises StoreError where the file holds something else, which only `force` replaces; UsageError
     for options that do not go together, or not with what the study asks for; else as the work does.
     """
-    from tcstudy.study.workers import WorkerPool
-
     if force and append:
         fail("--force computes all points again, --append keeps them; give one of these")
     if append and kind != "run":
@@ -276,18 +272,32 @@ def do(
         )
     if dask is not None and kind in ("path", "fit"):
         fail(f"--dask: a {kind} has no work for others; leave it out")
+    from tcstudy.study.stored import check_kind, is_finished, output_of
+
+    check_kind(study, kind, str(study.source or "the study"))
+    output = output or output_of(study, kind)
+    point, index = place_of(study, at) if at or kind == "cost" else ("", ())
+    swept = [axis.name for axis in study.axes]
+    asked = outside_the_sweep(study) if kind == "path" else study
+    decisive = what_decides(kind, study, at)
+    there = "holds these results already; --force computes them again"
+    if not (force or append) and is_finished(asked, kind, output, **decisive):
+        if kind == "history":
+            from tcstudy.data.files import tell_stored
+
+            tell_stored(output)
+        return output, True, there
+    from tcstudy.study.workers import WorkerPool
+
     pool = WorkerPool(jobs, dask)
     at_once = kind == "run" and dask is None  # which takes as long as what is imported from here on
     with closing(pool.ready(study) if at_once else pool):
         output = usable(kind, study, output)
-        point, index = place_of(study, at) if at or kind == "cost" else ("", ())
-        swept = [axis.name for axis in study.axes]
-        study = outside_the_sweep(study) if kind == "path" else study
+        study = asked
         if kind == "history":
             return _follow_history(study, output, words, first, force, jobs, dask, wait)
         from tcstudy.data.files import PARTIAL, Snapshot, check_writable
 
-        there = "holds these results already; --force computes them again"
         there = "has all these points" if append else there
         look = partial(_look, kind, study, output, force, append, at)
         snapshot = Snapshot.of(output)
@@ -329,7 +339,8 @@ def do(
 
                         converge_to_file(study, output, progress.event, words, journal)
                     case "cost":
-                        from tcstudy.study.cost import RUNS, cost_to_file
+                        from tcstudy.study.cost import cost_to_file
+                        from tcstudy.study.stored import RUNS
 
                         progress.event(
                             f"time unknown until the first of {RUNS} runs has measured it"
@@ -351,7 +362,7 @@ def _look(
     """Return whether a file has all that is asked for, of which study it then is, and what of a run
     it keeps. Raises StoreError where it holds something else."""
     if kind == "run":
-        from tcstudy.study.run import what_is_left
+        from tcstudy.study.stored import what_is_left
 
         whole_study, kept = what_is_left(study, output, force, append)
         return not kept.todo.any(), whole_study, kept
@@ -400,7 +411,7 @@ def what_decides(
     """What decides the results of a study beside it, as global attributes of their file. Raises
     DrawError."""
     if kind == "cost":
-        from tcstudy.study.cost import RUNS
+        from tcstudy.study.stored import RUNS
 
         return {"point": place_of(study, at)[0], "runs": RUNS}
     return {"data_sha256": study.fit.sha256} if kind == "fit" and study.fit is not None else {}

@@ -51,8 +51,6 @@ Array = NDArray[np.float64]
 Times = dict[str, float]
 """Wall time of one solution, from the body to its displacements, by solver [s]."""
 
-RUNS = 5
-"""How often everything is timed."""
 BEYOND = 4.2
 """How far beyond the study's own unknowns the curves go: one uniform refinement."""
 MOST = 40_000

@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import Kind, Remark, check_writable
-from tcstudy.errors import NUMBER, GeometryFailed, UsageError, UserFault, ranged
+from tcstudy.data.files import Remark, check_writable
+from tcstudy.errors import NUMBER, GeometryFailed, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
@@ -598,36 +598,6 @@ def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
         few = "; ".join(same) if len(same) == 1 else f"{len(same)} of {len(notes)} geometries"
         found.append(Remark(ranged([*same.values()]), "" if len(same) == len(notes) else few))
     return found
-
-
-def output_of(study: Study, kind: Kind = "run") -> Path:
-    """Where a file of this kind is written unless another place is asked for: results/<name of the
-    study file>.nc for a run, other kinds beside it."""
-    stem = study.source.stem if study.source is not None else "study"
-    output = study.output.path or Path("results") / f"{stem}.nc"
-    if kind in ("convergence", "cost"):
-        return output.with_name(f"{output.stem}.{kind}.nc")
-    return (
-        output
-        if kind == "run"
-        else output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
-    )
-
-
-def check_kind(study: Study, kind: str, name: str) -> None:
-    """Raise UsageError where a command would leave out what a study is about, or needs meshes that
-    only a run makes. A history is no set of static points; a path is of one mesh, and adaptive ones
-    follow from the points of a run."""
-    if study.history is not None and kind not in ("history", "fit"):
-        command = "converge" if kind == "convergence" else kind
-        raise UsageError(
-            f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
-            "run, or --set history=null for its points without memory"
-        )
-    if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
-        what = "the path is of one mesh, and adaptive meshes follow from the solutions of a run"
-        remedy = "give it others, for example --set 'mesh={maxh: ..., levels: 3}', or solve points by --set path=null"
-        raise UsageError(f"{name}: path: {what}; {remedy}")
 
 
 def faults(study: Study, output: Path) -> list[str]:

@@ -13,22 +13,20 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.data.bodies import StoredBody
-from tcstudy.data.files import Remark, check_writable, collect, holds, tell
-from tcstudy.data.reading import opened, places_in, read_blocks, read_level
+from tcstudy.data.files import Remark, check_writable, collect, tell
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord, Record
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
 from tcstudy.data.store import Results, write, write_record
@@ -40,7 +38,8 @@ from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
-from tcstudy.study.lint import built_faults, faults, output_of, warnings
+from tcstudy.study.lint import built_faults, faults, warnings
+from tcstudy.study.stored import Kept, output_of
 from tcstudy.study.workers import (
     BlockExecutor,
     Resources,
@@ -51,9 +50,6 @@ from tcstudy.study.workers import (
     predicted,
     submit,
 )
-
-if TYPE_CHECKING:
-    import netCDF4
 
 
 @dataclass(frozen=True)
@@ -310,106 +306,6 @@ class Summary:
     points: int
     failed: int
     resumed: int
-
-
-@dataclass(frozen=True, eq=False)
-class Kept:
-    """What a finished file has of a study, and what is still to be solved.
-
-    todo:   (P, levels) points that are not there, or broke down unexpectedly
-    stored: the study of the file; None where nothing is kept
-    """
-
-    study: Study
-    todo: NDArray[np.bool_]
-    path: Path = Path()
-    stored: Study | None = None
-
-    @classmethod
-    def of(cls, path: Path, stored: Study, study: Study) -> Kept:
-        """What failed by its own numbers would fail again; on meshes that follow from solutions all
-        points stay."""
-        with opened(path) as nc:
-            again = np.isin(nc["status"][...], (PointStatus.NOT_RUN, PointStatus.ERROR)) & (
-                not study.mesh.open_ended
-            )
-        todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
-        todo[places_in(study, stored)] = again.reshape(-1, again.shape[-1])
-        return cls(study, todo, path, stored)
-
-    @classmethod
-    def none(cls, study: Study) -> Kept:
-        return cls(study, np.ones((len(study.scenes), study.mesh.levels), dtype=bool))
-
-    @cached_property
-    def _file(self) -> ExitStack:
-        return ExitStack()
-
-    @cached_property
-    def _stored(self) -> tuple[netCDF4.Dataset, Study] | None:
-        """The open file and its study."""
-        if self.stored is None:
-            return None
-        return self._file.enter_context(opened(self.path)), self.stored
-
-    @cached_property
-    def _bodies(self) -> dict[int, tuple[StoredBody, Study]]:
-        """Bodies of the study that the file has, as they are there, and their studies there."""
-        if self._stored is None:
-            return {}
-        nc, stored = self._stored
-        if not self.study.variants:
-            return {0: (StoredBody.of(nc), stored)}
-        # of the geometries in the file that points belong to, −1 for none
-        numbers = np.full(len(self.study.scenes), -1)
-        numbers[places_in(self.study, stored)] = nc["geometry"][...].ravel()
-        bodies = dict[int, tuple[StoredBody, Study]]()
-        for i, body in enumerate(self.study.bodies):
-            number = int(numbers[body.places].max())
-            own = stored.bodies[number].study if number >= 0 else None
-            if own is not None:
-                bodies[i] = StoredBody.of(nc, number), own
-        return bodies
-
-    def levels(self, number: int) -> list[LevelRecord]:
-        """The levels of a body of the study, as a run found them."""
-        if number not in self._bodies:
-            return []
-        stored, _ = self._bodies[number]
-        return [read_level(stored, level) for level in stored.levels]
-
-    def blocks(self, number: int) -> Iterator[BlockRecord]:
-        """The points of a body that stay."""
-        body = self.study.bodies[number]
-        if number in self._bodies and body.study is not None:
-            stored, own = self._bodies[number]
-            places = places_in(body.study, own)
-            yield from read_blocks(stored, body.study, places, ~self.todo[body.places])
-
-    def before(self, attributes: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The attributes of a run, with the file's history before its own."""
-        if self._stored is None:
-            return attributes
-        history = self._stored[0].getncattr("history")
-        return {**attributes, "history": f"{history}\n{attributes['history']}"}
-
-    def close(self) -> None:
-        """Close the file, which stays open once something of it was asked for: opening one of
-        version 0.8 with many geometries takes long."""
-        self._file.close()
-
-
-def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept]:
-    """(the study of the whole file, what the file keeps of it).
-    append: the file may have other points of the study, which stay. Raises StoreError if it holds
-    something else."""
-    if append:
-        from tcstudy.study.append import appended  # which reads the study of the file again
-
-        old, study = appended(output, study)
-        return study, Kept.of(output, old, study)
-    there = not force and holds(output, "run", study)
-    return study, Kept.of(output, study, study) if there else Kept.none(study)
 
 
 LONG, LARGE = 60.0, 2**28

@@ -311,7 +311,7 @@ def test_files_of_version_0_8_are_shown_as_new_ones(
 def rewrite(file: Path) -> None:
     """Write the records of a file again."""
     from tcstudy.study.append import stored_study
-    from tcstudy.study.run import Kept
+    from tcstudy.study.stored import Kept
 
     study = stored_study(file)
     kept = Kept.of(file, study, study)

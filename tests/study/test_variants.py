@@ -14,9 +14,10 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
-from tcstudy.study import cost
+from tcstudy.study import stored
 from tcstudy.study.plan import plan
-from tcstudy.study.run import execute, what_is_left
+from tcstudy.study.run import execute
+from tcstudy.study.stored import what_is_left
 from tests.study.test_append import Counted
 
 BAR = """
@@ -276,7 +277,7 @@ def test_cost_and_path_are_of_one_geometry(
 ) -> None:
     """Cost of that of its point, or refused with the reason; a path of the body outside the
     sweep."""
-    monkeypatch.setattr(cost, "RUNS", 1)
+    monkeypatch.setattr(stored, "RUNS", 1)
     study = read_study_text(CHOSEN)
     data = tcstudy.cost(study, tmp_path / "cost.nc", at={"H": 0.5}).to_dataset()
     own = data.sel(family="uniform").isel(level=slice(3))

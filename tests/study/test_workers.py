@@ -20,7 +20,8 @@ from tcstudy.executors.processes import ProcessExecutor, SerialExecutor, Workers
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import workers as who
 from tcstudy.study.history_run import execute_history
-from tcstudy.study.run import Kept, LevelWork, execute, run, solve_geometry
+from tcstudy.study.run import LevelWork, execute, run, solve_geometry
+from tcstudy.study.stored import Kept
 from tcstudy.study.workers import Resources, submit
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL

@@ -1,0 +1,184 @@
+"""What a result file has of a study before anything is done: where it lies, whether it has all that
+is asked for, and which points stay.
+
+A finished study is answered from here. Neither the mesher nor a solver is imported: their imports
+take longer than the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.bodies import StoredBody
+from tcstudy.data.files import PARTIAL, Kind, holds
+from tcstudy.data.reading import opened, places_in, read_blocks, read_level
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
+from tcstudy.errors import StoreError, UsageError
+from tcstudy.scene.study import Study
+
+if TYPE_CHECKING:
+    import netCDF4
+
+RUNS = 5
+"""Runs of each setting that a file of costs has, a sixth one before them not counted."""
+
+
+def output_of(study: Study, kind: Kind = "run") -> Path:
+    """Where a file of this kind is written unless another place is asked for: results/<name of the
+    study file>.nc for a run, other kinds beside it."""
+    stem = study.source.stem if study.source is not None else "study"
+    output = study.output.path or Path("results") / f"{stem}.nc"
+    if kind in ("convergence", "cost"):
+        return output.with_name(f"{output.stem}.{kind}.nc")
+    return (
+        output
+        if kind == "run"
+        else output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
+    )
+
+
+def check_kind(study: Study, kind: str, name: str) -> None:
+    """Raise UsageError where a command would leave out what a study is about, or needs meshes that
+    only a run makes. A history is no set of static points; a path is of one mesh, and adaptive ones
+    follow from the points of a run."""
+    if study.history is not None and kind not in ("history", "fit"):
+        command = "converge" if kind == "convergence" else kind
+        raise UsageError(
+            f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
+            "run, or --set history=null for its points without memory"
+        )
+    if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
+        what = "the path is of one mesh, and adaptive meshes follow from the solutions of a run"
+        remedy = "give it others, for example --set 'mesh={maxh: ..., levels: 3}', or solve points by --set path=null"
+        raise UsageError(f"{name}: path: {what}; {remedy}")
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What a finished file has of a study, and what is still to be solved.
+
+    todo:   (P, levels) points that are not there, or broke down unexpectedly
+    stored: the study of the file; None where nothing is kept
+    """
+
+    study: Study
+    todo: NDArray[np.bool_]
+    path: Path = Path()
+    stored: Study | None = None
+
+    @classmethod
+    def of(cls, path: Path, stored: Study, study: Study) -> Kept:
+        """What failed by its own numbers would fail again; on meshes that follow from solutions all
+        points stay."""
+        with opened(path) as nc:
+            again = np.isin(nc["status"][...], (PointStatus.NOT_RUN, PointStatus.ERROR)) & (
+                not study.mesh.open_ended
+            )
+        todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
+        todo[places_in(study, stored)] = again.reshape(-1, again.shape[-1])
+        return cls(study, todo, path, stored)
+
+    @classmethod
+    def none(cls, study: Study) -> Kept:
+        return cls(study, np.ones((len(study.scenes), study.mesh.levels), dtype=bool))
+
+    @cached_property
+    def _file(self) -> ExitStack:
+        return ExitStack()
+
+    @cached_property
+    def _stored(self) -> tuple[netCDF4.Dataset, Study] | None:
+        """The open file and its study."""
+        if self.stored is None:
+            return None
+        return self._file.enter_context(opened(self.path)), self.stored
+
+    @cached_property
+    def _bodies(self) -> dict[int, tuple[StoredBody, Study]]:
+        """Bodies of the study that the file has, as they are there, and their studies there."""
+        if self._stored is None:
+            return {}
+        nc, stored = self._stored
+        if not self.study.variants:
+            return {0: (StoredBody.of(nc), stored)}
+        # of the geometries in the file that points belong to, −1 for none
+        numbers = np.full(len(self.study.scenes), -1)
+        numbers[places_in(self.study, stored)] = nc["geometry"][...].ravel()
+        bodies = dict[int, tuple[StoredBody, Study]]()
+        for i, body in enumerate(self.study.bodies):
+            number = int(numbers[body.places].max())
+            own = stored.bodies[number].study if number >= 0 else None
+            if own is not None:
+                bodies[i] = StoredBody.of(nc, number), own
+        return bodies
+
+    def levels(self, number: int) -> list[LevelRecord]:
+        """The levels of a body of the study, as a run found them."""
+        if number not in self._bodies:
+            return []
+        stored, _ = self._bodies[number]
+        return [read_level(stored, level) for level in stored.levels]
+
+    def blocks(self, number: int) -> Iterator[BlockRecord]:
+        """The points of a body that stay."""
+        body = self.study.bodies[number]
+        if number in self._bodies and body.study is not None:
+            stored, own = self._bodies[number]
+            places = places_in(body.study, own)
+            yield from read_blocks(stored, body.study, places, ~self.todo[body.places])
+
+    def before(self, attributes: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The attributes of a run, with the file's history before its own."""
+        if self._stored is None:
+            return attributes
+        history = self._stored[0].getncattr("history")
+        return {**attributes, "history": f"{history}\n{attributes['history']}"}
+
+    def close(self) -> None:
+        """Close the file, which stays open once something of it was asked for: opening one of
+        version 0.8 with many geometries takes long."""
+        self._file.close()
+
+
+def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept]:
+    """(the study of the whole file, what the file keeps of it).
+    append: the file may have other points of the study, which stay. Raises StoreError if it holds
+    something else."""
+    if append:
+        from tcstudy.study.append import appended  # which reads the study of the file again
+
+        old, study = appended(output, study)
+        return study, Kept.of(output, old, study)
+    there = not force and holds(output, "run", study)
+    return study, Kept.of(output, study, study) if there else Kept.none(study)
+
+
+def is_finished(study: Study, kind: Kind, output: Path, **decisive: object) -> bool:
+    """Return whether a file has all results of this kind of a study.
+
+    decisive: global attributes that options decide (`data.files.holds`). A file that holds
+    something else, or is damaged, has not; what is wrong with it is said where it would be written.
+    Nor has one with a journal beside it, which is used or removed there.
+    """
+    if output.with_name(output.name + PARTIAL).exists():
+        return False
+    try:
+        if not holds(output, kind, study, **decisive):
+            return False
+    except StoreError:
+        return False
+    if kind == "run":
+        return not Kept.of(output, study, study).todo.any()
+    if kind == "history":
+        with opened(output) as nc:
+            return not np.any(nc["reason"][...] != "")
+    return True
