@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
 from tcstudy.scene.points import (
     FELT,
     Scenes,
@@ -30,10 +31,11 @@ from tcstudy.scene.points import (
     why_no_heat,
 )
 from tcstudy.scene.records import Contact
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
+from tcstudy.study.level_solver import LevelSolver
 from tcstudy.study.lint import lint, locking_notes, once, unused
-from tcstudy.study.run import stages
+from tcstudy.study.run import meshes_of
 from tcstudy.study.workers import (
     MEMORY,
     NODE,
@@ -54,9 +56,9 @@ from tcstudy.study.workers import (
     sizes,
 )
 
-TRIAL = 16_000
+TRIAL = 6_000
 """Displacement unknowns of the mesh of a trial at most, about."""
-FEW, MANY = 8, 128
+FEW, MANY = 8, 64
 ENOUGH = 2.0
 """Seconds that FEW points take, from which on no more are tried."""
 FACTOR = 0.5
@@ -236,8 +238,8 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     """What a run of a study takes with so many workers, whose forecast is `found`, by a trial on
     its largest geometry.
 
-    The trial runs FEW and MANY of its points on one mesh, as the finest with TRIAL unknowns if that
-    has more, which tells mesh and factor from points.
+    The trial runs FEW and then MANY of its points on one mesh (`_trial_mesh`), which tells mesh and
+    factor from points.
     """
     own, largest = _geometries(study) if study.variants else ([study], study)
     levels = [
@@ -248,16 +250,11 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
         memory += workers * (memory if len(own) > 1 or study.history is not None else MEMORY)
     if why := unknown(study):
         return Resources(math.nan, memory, why)
-    finest = refined(found.levels, study.mesh)[-1]
-    mesh = replace(
-        study.mesh, maxh=(finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL)),), levels=1, refine=0
-    )
+    mesh = _trial_mesh(refined(found.levels, study.mesh), study.mesh)
     few, many = (replace(_sample(largest, count), mesh=mesh) for count in (FEW, MANY))
     try:
         with threadpool_limits(1, user_api="blas"):
-            n_dof, m, body = _timed(few)
-            more = len(many.scenes) - len(few.scenes)
-            point = max(0.0, _timed(many)[-1] - body) / more if more and body < ENOUGH else 0.0
+            n_dof, m, body, point = _timed(few, many)
     except GeometryFailed:
         return Resources(math.nan, memory, "the coarser meshes of a trial cannot be made")
     seconds = START
@@ -303,10 +300,41 @@ def _sample(study: Study, count: int) -> Study:
     )
 
 
-def _timed(study: Study) -> tuple[int, int, float]:
-    """N, m and CPU seconds of a run on one mesh."""
+def _trial_mesh(levels: Sequence[LevelForecast], mesh: MeshPlan) -> MeshPlan:
+    """Return the mesh of a trial: the finest of a study that has at most TRIAL unknowns, made by
+    refinement as the study makes it, or one of that size where all have more."""
+    finest = levels[-1]
+    coarser = max(0, math.ceil(math.log(finest.n_dof / TRIAL, 4)))
+    refinements = mesh.refine + len(levels) - 1 if mesh.nested else 0
+    if coarser <= refinements:
+        maxh = finest.h * 2**coarser
+        return replace(mesh, maxh=(maxh,), levels=1, refine=refinements - coarser)
+    maxh = finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL))
+    return replace(mesh, maxh=(maxh,), levels=1, refine=0)
+
+
+def _timed(few: Study, many: Study) -> tuple[int, int, float, float]:
+    """Return N and m of the one mesh of two studies, the CPU seconds of a run of the few points,
+    and those of each point more.
+
+    The many points are solved on what the few have left, which takes the time of points alone.
+    """
     begin = time.process_time()
-    [stage] = stages(study)
-    assert stage.level is not None
-    sum(map(len, stage.blocks))
-    return stage.level.frames.n_dof, stage.level.line.m, time.process_time() - begin
+    mesh = meshes_of(few).next(0)
+    level = Level(mesh, many.scenes[0], many.scenes, guarantee=many.mesh.guarantee)
+    _solve(few, level)
+    body = time.process_time() - begin
+    point = 0.0
+    if len(many.scenes) > len(few.scenes) and body < ENOUGH:
+        begin = time.process_time()
+        _solve(many, level)
+        point = (time.process_time() - begin) / len(many.scenes)
+    return level.frames.n_dof, level.line.m, body, point
+
+
+def _solve(study: Study, level: Level) -> None:
+    """Solve the points of a study on a level, and keep nothing."""
+    meshes = meshes_of(study) if study.mesh.estimates else None
+    estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
+    for _ in LevelSolver(study, level, estimator).solve():
+        pass

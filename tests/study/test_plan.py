@@ -174,9 +174,9 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
     sweep, asked = "sweep={nu: [0.2, 0.3], friction.tau: {linspace: [0.01, 0.1, 200]}}", list[int]()
     study = study_of(RECTANGLE, sweep, "mesh={maxh: 0.1, levels: 3}")
 
-    def timed(small: Study) -> tuple[int, int, float]:
-        asked.append(len(small.scenes))
-        return 1000, 20, 0.05 + 1e-3 * (len(small.scenes) - plan_module.FEW)
+    def timed(few: Study, many: Study) -> tuple[int, int, float, float]:
+        asked.extend((len(few.scenes), len(many.scenes)))
+        return 1000, 20, 0.05, 1e-3
 
     monkeypatch.setattr(plan_module, "_timed", timed)
     found = plan(study)
@@ -208,7 +208,7 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
 def test_what_no_trial_tells_is_unknown(
     study: Study, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plan_module, "stages", None)  # nothing is solved for it
+    monkeypatch.setattr(plan_module, "meshes_of", None)  # nothing is solved for it
     spent = resources(study, plan(study))
     assert math.isnan(spent.seconds)
     assert why in spent.unknown
