@@ -38,6 +38,39 @@ def test_the_import_is_cheap_and_the_door_is_whole() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, cwd=HERE.parent)
 
 
+TABLES = {"xarray", "pandas", "dask"}
+SOLVING = {"ngsolve", "netgen", "scipy"}
+UNUSED = TABLES | {"pint", "scipy.spatial", "scipy.stats", "scipy.optimize", "matplotlib"}
+"""Modules that a small run does not need, whose imports would take longer than it."""
+
+
+def loaded_by(*words: object) -> set[str]:
+    """Return the modules that a process has loaded after a command of tcstudy."""
+    code = (
+        "import sys\n"
+        "from tcstudy.cli import main\n"
+        "assert main(sys.argv[1:]) == 0\n"
+        "print('\\n' + ' '.join(sys.modules))\n"
+    )
+    command = [sys.executable, "-c", code, *map(str, words)]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return {*output.splitlines()[-1].split()}
+
+
+def test_a_command_loads_what_it_needs(tmp_path: Path) -> None:
+    """A run loads none of the libraries of tables; a finished one, and what is shown of it, neither
+    mesher nor solver."""
+    file = tmp_path / "run.nc"
+    one_point = (CONFIGS / "quickstart.yaml", "--set=sweep={}", "--set=mesh.levels=1")
+    run = ("run", *one_point, f"--output={file}")
+    first = loaded_by(*run)
+    assert {"ngsolve", "scipy.linalg", "netCDF4"} <= first
+    assert not first & UNUSED
+    assert not loaded_by(*run) & (UNUSED | SOLVING)
+    assert not loaded_by("show", file) & (UNUSED | SOLVING)
+    assert not loaded_by(*run, "--dry-run") & UNUSED
+
+
 A = [[2.0, -1.0], [-1.0, 2.0]]
 LAW = tcstudy.law("tresca", tau=1.0)
 

@@ -153,6 +153,10 @@ class LabelledTable:
             return LabelledArray(np.arange(self.sizes[name]), (name,), {})
         return self.variables[name]
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a variable, or the default where there is none."""
+        return self.variables.get(name, default)
+
     def __contains__(self, name: Hashable) -> bool:
         return name in self.variables
 

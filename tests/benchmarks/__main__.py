@@ -1,6 +1,6 @@
 """All benchmarks that write results, one after the other: `python -m tests.benchmarks`."""
 
-from tests.benchmarks import geometries, online, peers, reliability, speed, stability
+from tests.benchmarks import geometries, online, peers, reliability, speed, stability, startup
 
 if __name__ == "__main__":
     speed.main()
@@ -9,3 +9,4 @@ if __name__ == "__main__":
     reliability.main([])
     online.main()
     geometries.main()
+    startup.main([])

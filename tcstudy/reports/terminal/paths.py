@@ -273,13 +273,16 @@ def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
     yield f"  Path along {data.attrs['parameter']} from {at(low, high)}, reaching {at(t.min(), t.max())}"
     yield (
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
-        f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}"
+        f"omega/lambda_1 = {number(float(data['omega']) / float(data['lambda_1']))}"
     )
     if lost := digits_lost(float(data.get("lambda_1_error", 0.0))):
         yield f"  {lost}"
+    stable = np.count_nonzero(data["stable"].values)
+    folds = counted(len(vertices), "fold")
+    worst = number(float(data["residual"].max()), 2)
     yield (
-        f"  {data.sizes['piece']} pieces ({int(data['stable'].sum())} stable), {counted(len(vertices), 'fold')}"
-        f", {inside} of the folds in the range, worst residual {number(float(data['residual'].max()), 2)}"
+        f"  {data.sizes['piece']} pieces ({stable} stable), {folds}, {inside} of the folds in the "
+        f"range, worst residual {worst}"
     )
     if float(data["law_error"]) > 0.0:
         yield f"  the law is replaced by straight pieces, relative error {number(float(data['law_error']), 1)}"
