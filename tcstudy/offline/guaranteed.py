@@ -1,4 +1,4 @@
-"""Equilibrium elements, and what they prove of λ₁ of the body.
+"""Equilibrium elements, and bounds of λ₁ of the body by them.
 
 Equilibrium elements: the dual of a plane elastic body, condensed onto its contact line.
 
@@ -78,8 +78,9 @@ class EquilibriumBody:
     Local rows (4e,) run over the Gauss points of the edges, from the lower node on, then over axes,
     then over edges.
 
-    elements:  the triangles;  number: (s,) which of the edges the segments of the boundary are
-    axes:      (s, 2, 2) theirs, an axis a column, (t, n) on Γ_C;  held: (4e,) rows whose displacement is prescribed
+    elements:  the triangles;  number: (s,) numbers of the edges that are boundary segments
+    axes:      (s, 2, 2) of these edges, an axis a column, (t, n) on Γ_C
+    held:      (4e,) rows whose displacement is prescribed
     ties:      (4e, 4e) T of rigid edges, w = T w', or None
     K:         (4e, 4e) K̂ with springs, rigid edges not tied [Pa];  diagonal: (4e,) of TᵀK̂T
     c:         (2k,) weights of the Gauss points of Γ_C, half the length of a segment [m]
@@ -98,56 +99,62 @@ class EquilibriumBody:
 
     @cached_property
     def contact(self) -> CondensedBody:
-        """That of the tangential displacements at the Gauss points of Γ_C, in order."""
+        """Return the body of the tangential displacements at the Gauss points of Γ_C, in order."""
         return CondensedBody.of(self.condensation.A_tilde, self.c)
 
     @cached_property
     def gauss_points(self) -> Array:
-        """(s, 2, 2) those of the segments of the boundary, from the lower node on [m]."""
-        ends = self.elements.mesh.points[self.elements.mesh.edges[0][self.number]]
+        """Return the Gauss points (s, 2, 2) of boundary segments, from the lower node on [m]."""
+        edges, _ = self.elements.mesh.edges
+        ends = self.elements.mesh.points[edges[self.number]]
         return ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
 
     def rows(self, u: Array) -> Array:
-        """(4e,) P1 displacements (n, 2) in x and y at the Gauss points of the edges, in local
-        axes."""
-        a, b = np.moveaxis(u[self.elements.mesh.edges[0]], 1, 0)
-        at = np.stack([(1.0 - g) * a + g * b for g in GAUSS], axis=1)
-        return np.einsum("egd,edk->gke", at, self.elements.axes).ravel()
+        """Return P1 displacements (n, 2) at the Gauss points of the edges, in local axes (4e,)."""
+        edges, _ = self.elements.mesh.edges
+        first, second = np.moveaxis(u[edges], 1, 0)
+        at_gauss = np.stack([(1.0 - g) * first + g * second for g in GAUSS], axis=1)
+        return np.einsum("egd,edk->gke", at_gauss, self.elements.axes).ravel()
 
 
 @cache
 def _reference() -> tuple[Array, Array]:
-    """Stresses of the reference triangle: (3, 3, 3, 9) by part, corner, component xx, yy, xy, and
-    coefficient, and what they do at the sides: (3, 2, 2, 9) τ̂n̂|ê|/2 at the Gauss points."""
-    rows = []
+    """Return the stresses of the reference triangle and their tractions at its sides.
+
+    Stresses: (3, 3, 3, 9) by part, corner, component xx, yy, xy, and coefficient
+    Tractions: (3, 2, 2, 9) τ̂n̂|ê|/2 at the Gauss points
+    """
+    conditions = []
     for k, part in enumerate(PARTS):
         gradients = np.linalg.inv(np.column_stack([np.ones(3), CORNERS[part]]))[1:]
         for first, second in ((0, 2), (2, 1)):  # div τ = 0
-            row = np.zeros((3, 3, 3))
-            row[k, :, first], row[k, :, second] = gradients
-            rows.append(row.ravel())
-        across = CORNERS[3] - CORNERS[part[1]]  # the inner side that it shares with the next part
-        for mine, other in ((1, 0), (2, 2)):
-            for line in _traction(np.array([across[1], -across[0]])):
-                row = np.zeros((3, 3, 3))
-                row[k, mine], row[(k + 1) % 3, other] = line, -line
-                rows.append(row.ravel())
-    N = scipy.linalg.null_space(np.array(rows)).reshape(3, 3, 3, 9)
-    d = CORNERS[SIDES[:, 1]] - CORNERS[SIDES[:, 0]]
-    ends = np.array(
-        [[_traction(np.array([y, -x])) @ N[k, end] for end in (0, 1)] for k, (x, y) in enumerate(d)]
-    )
-    return N, 0.5 * np.einsum("ge,keij->kgij", np.column_stack([1.0 - GAUSS, GAUSS]), ends)
+            condition = np.zeros((3, 3, 3))
+            condition[k, :, first], condition[k, :, second] = gradients
+            conditions.append(condition.ravel())
+        # τn is continuous at the inner side that the part shares with the next one
+        inner_side = CORNERS[3] - CORNERS[part[1]]
+        for corner, next_corner in ((1, 0), (2, 2)):
+            for traction in _traction(np.array([inner_side[1], -inner_side[0]])):
+                condition = np.zeros((3, 3, 3))
+                condition[k, corner], condition[(k + 1) % 3, next_corner] = traction, -traction
+                conditions.append(condition.ravel())
+    N = scipy.linalg.null_space(np.array(conditions)).reshape(3, 3, 3, 9)
+    end_tractions = []
+    for k, (x, y) in enumerate(CORNERS[SIDES[:, 1]] - CORNERS[SIDES[:, 0]]):
+        traction_of = _traction(np.array([y, -x]))
+        end_tractions.append([traction_of @ N[k, end] for end in (0, 1)])
+    at_gauss = np.column_stack([1.0 - GAUSS, GAUSS])
+    return N, 0.5 * np.einsum("ge,keij->kgij", at_gauss, np.array(end_tractions))
 
 
 def _traction(n: Array) -> Array:
-    """(2, 3): (xx, yy, xy) → σn."""
+    """Return the map (2, 3) from (xx, yy, xy) to σn."""
     return np.array([[n[0], 0.0, n[1]], [0.0, n[1], n[0]]])
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Triangles with their moduli (t,). axes: (e, 2, 2) of the edges"""
+    """Triangles with their moduli (t,) and the axes (e, 2, 2) of their edges."""
 
     mesh: TriangleGeometry
     lam: Array
@@ -156,92 +163,99 @@ class Elements:
 
     @property
     def local_rows(self) -> Indices:
-        """(t, 12) local rows of every triangle by side, Gauss point in its direction and axis."""
+        """Return the rows (t, 12) of every triangle by side, Gauss point in its direction and axis."""
         first, second = np.moveaxis(self.mesh.sides.reshape(-1, 3, 2), 2, 0)
-        gauss = (
-            np.arange(2) ^ (first > second)[..., None]
-        )  # (t, 3, 2) of the edge, in its own direction
-        rows = (2 * gauss[..., None] + np.arange(2)) * len(self.axes) + self.mesh.edges[1][
-            ..., None, None
-        ]
+        _, edge_of_side = self.mesh.edges
+        # (t, 3, 2) Gauss points in the direction of the edge
+        gauss = np.arange(2) ^ (first > second)[..., None]
+        in_edge = (2 * gauss[..., None] + np.arange(2)) * len(self.axes)
+        rows = in_edge + edge_of_side[..., None, None]
         return rows.reshape(-1, 12)
 
     def stiffness(self) -> Array:
-        """(t, 12, 12) P G⁻¹Pᵀ of every triangle."""
-        half = self._factors("r")[0]
+        """Return P G⁻¹Pᵀ (t, 12, 12) of every triangle."""
+        half, _ = self._factors("r")
         return np.matmul(np.swapaxes(half, 1, 2), half)
 
     def volume_load(self, f: Array, theta: Array) -> tuple[Array, float]:
-        """Of f (2,) [N/m³] and βθ (t, 3) at the corners [Pa]: their load (4e,), and ‖(I − Π)ρ‖² of
-        ρ = τ_p + βθI.
+        """Return the load (4e,) of f and βθ, and ‖(I − Π)ρ‖² of ρ = τ_p + βθI.
 
+        f: (2,) [N/m³];  theta: (t, 3) βθ at the corners [Pa]
         Π: projection onto the stresses N in the norm of complementary energy
         """
         half, Q = self._factors("reduced")
+        _, edge_of_side = self.mesh.edges
         corners = np.concatenate([self.mesh.corners, self.mesh.centres[:, None]], axis=1)
         tau = f * (corners[:, 3:] - corners)  # (t, 4, 2) xx and yy of τ_p
         rho = tau + np.column_stack([theta, theta.mean(axis=1)])[..., None]
         xx, yy = np.einsum("ij,tpjc->ctpi", WEIGHT, rho[:, PARTS])
         samples = self._samples(xx, yy, np.zeros_like(xx))
-        inner = np.einsum("tsn,ts->tn", Q, samples)
-        rest = samples - np.einsum("tsn,tn->ts", Q, inner)
-        side, first = corners[:, SIDES[:, 1]] - corners[:, SIDES[:, 0]], tau[:, SIDES[:, 0]]
-        change = tau[:, SIDES[:, 1]] - first
-        at = first[:, :, None] + GAUSS[None, None, :, None] * change[:, :, None]  # (t, 3, 2, 2)
+        coefficients = np.einsum("tsn,ts->tn", Q, samples)
+        remainder = samples - np.einsum("tsn,tn->ts", Q, coefficients)
+        side = corners[:, SIDES[:, 1]] - corners[:, SIDES[:, 0]]
+        tau_first = tau[:, SIDES[:, 0]]
+        tau_change = tau[:, SIDES[:, 1]] - tau_first
+        # (t, 3, 2, 2) at the Gauss points of the sides
+        tau_gauss = tau_first[:, :, None] + GAUSS[None, None, :, None] * tau_change[:, :, None]
         outward = 0.5 * np.stack([side[..., 1], -side[..., 0]], axis=-1)
-        moments = np.einsum(
-            "tkga,tka,tkab->tkgb", at, outward, self.axes[self.mesh.edges[1]]
-        ).reshape(-1, 12)
-        own = np.einsum("tnk,tn->tk", half, inner) - moments
+        axes = self.axes[edge_of_side]
+        moments = np.einsum("tkga,tka,tkab->tkgb", tau_gauss, outward, axes).reshape(-1, 12)
+        triangle_loads = np.einsum("tnk,tn->tk", half, coefficients) - moments
         load = np.zeros(4 * len(self.axes))
-        np.add.at(load, self.local_rows, own)
-        return load, float(np.sum(rest**2))
+        np.add.at(load, self.local_rows, triangle_loads)
+        return load, float(np.sum(remainder**2))
 
     def _factors(self, mode: Literal["r", "reduced"]) -> tuple[Array, Array]:
-        """(t, 9, 12) R⁻ᵀPᵀ and, in mode "reduced", (t, 27, 9) Q.
+        """Return R⁻ᵀPᵀ (t, 9, 12) and, in mode "reduced", Q (t, 27, 9).
 
         With τ = B τ̂ Bᵀ the traction is τn|e| = det B · B τ̂n̂|ê|. G = RᵀR by QR of the stresses
-        themselves, which loses half the digits that their products would lose where a triangle is
-        flat.
+        themselves: their products would lose twice as many digits where a triangle is flat.
         """
         N, sides = _reference()
         B, det = self._maps
-        P = np.einsum(
-            "t,tkja,tjb,kgbn->tkgan", det, self.axes[self.mesh.edges[1]], B, sides, optimize=True
-        ).reshape(len(B), 12, 9)
-        moved = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
-        stress = np.einsum("tcae,ij,pjcn->aetpin", moved, WEIGHT, N, optimize=True)
-        found = np.linalg.qr(self._samples(stress[0, 0], stress[1, 1], stress[0, 1]), mode=mode)
-        Q, R = found if mode == "reduced" else (np.empty(0), found)
+        _, edge_of_side = self.mesh.edges
+        axes = self.axes[edge_of_side]
+        moments = np.einsum("t,tkja,tjb,kgbn->tkgan", det, axes, B, sides, optimize=True)
+        P = moments.reshape(len(B), 12, 9)
+        tensors = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
+        stress = np.einsum("tcae,ij,pjcn->aetpin", tensors, WEIGHT, N, optimize=True)
+        samples = self._samples(stress[0, 0], stress[1, 1], stress[0, 1])
+        Q: Array = np.empty(0)
+        R: Array
+        if mode == "reduced":
+            Q, R = np.linalg.qr(samples, mode="reduced")
+        else:
+            R = np.linalg.qr(samples, mode="r")
         return np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2)), Q
 
     @property
     def _maps(self) -> tuple[Array, Array]:
-        """(t, 2, 2) B of the maps from the reference triangle, and (t,) their determinants."""
+        """Return B (t, 2, 2) of the maps from the reference triangle, and the determinants (t,)."""
         corners = self.mesh.corners
         B = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
         return B, np.linalg.det(B)
 
     def _samples(self, xx: Array, yy: Array, xy: Array) -> Array:
-        """(t, 27, …) whose squares sum to ∫c⁻¹σ : σ, c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ).
+        """Return numbers (t, 27, …) whose squares sum to ∫c⁻¹σ : σ.
 
+        c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ)
         xx, yy, xy: (t, 3, 3, …) a stress that is linear on the parts of the triangles, by part and
         weighted corner
         """
-        det = self._maps[1]
-        shear, bulk = np.sqrt(det / (2.0 * self.mu)), np.sqrt(det / (4.0 * (self.lam + self.mu)))
-        shear, bulk = (x.reshape(-1, *(1,) * (xx.ndim - 1)) for x in (shear, bulk))
+        _, det = self._maps
+        by_triangle = (-1, *(1,) * (xx.ndim - 1))
+        shear = np.sqrt(det / (2.0 * self.mu)).reshape(by_triangle)
+        bulk = np.sqrt(det / (4.0 * (self.lam + self.mu))).reshape(by_triangle)
         parts = np.sqrt(0.5) * shear * (xx - yy), np.sqrt(2.0) * shear * xy, bulk * (xx + yy)
         return np.concatenate(parts, axis=2).reshape(len(xx), 27, *xx.shape[3:])
 
 
 ROUNDINGS = 4.0
-"""Of K̂, by which the error of λ̂ is estimated."""
-REFINED = 3
-"""Times that a triangle is refined for its constant."""
+"""Rounding errors of K̂ by which the error of λ̂ is estimated."""
+REFINEMENTS = 3
+"""Refinements of a triangle for its constant."""
 SHAPES = 16
-"""Shapes of triangles are told apart by so many places along the edge, and their heights by as many
-a factor of e."""
+"""Classes of shapes of triangles: places along the edge, and heights in a factor of e."""
 
 
 @dataclass(frozen=True)
@@ -253,11 +267,14 @@ class Band:
     high: float
 
     def times(self, factor: float) -> Band:
-        """That of a body which is so many times as stiff."""
+        """Return the band of a body that is `factor` times as stiff."""
         return Band(self.low * factor, self.hat * factor, self.high * factor)
 
     def numbers(self, omega: Array | float, factor: Array | float = 1.0) -> dict[str, Any]:
-        """What is stored of it; ω of the law [Pa/m], and how many times as stiff the bodies are."""
+        """Return the stored variables by name.
+
+        omega: ω of the law [Pa/m];  factor: stiffness of the bodies relative to that of the band
+        """
         low, high, hat = (value * factor for value in (self.low, self.high, self.hat))
         proved = np.less(omega, low)
         return {
@@ -269,70 +286,78 @@ class Band:
 
 
 def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
-    """The equilibrium elements of a scene on a mesh, condensed onto Γ_C, all moduli those of the
-    scene.
+    """Return the equilibrium elements of a scene on a mesh, condensed onto Γ_C.
 
     Raises NotPositiveDefinite if the body can move other than along Γ_C.
     """
-    (edges, sides), points, segments, s = mesh.edges, mesh.points, mesh.segments, len(mesh.segments)
-    number, e, half = sides.ravel()[mesh.sides_at(segments)], len(edges), 0.5 * mesh.boundary.length
-    normal = mesh.boundary.normal
+    edges, edge_of_side = mesh.edges
+    e, s = len(edges), len(mesh.segments)
+    number = edge_of_side.ravel()[mesh.sides_at(mesh.segments)]
+    half, normal = 0.5 * mesh.boundary.length, mesh.boundary.normal
     tn = np.stack([np.column_stack([-normal[:, 1], normal[:, 0]]), normal], axis=2)
-    axes, held, springs = (
-        np.tile(np.eye(2), (s, 1, 1)),
-        np.zeros((s, 2), dtype=bool),
-        np.zeros((s, 2)),
-    )
+    axes = np.tile(np.eye(2), (s, 1, 1))
+    held, springs = np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
     for name, role in scene.boundary:
-        on, given = mesh.on(name), np.array([component is not None for component in role.u])
+        on = mesh.on(name)
+        is_given = np.array([component is not None for component in role.u])
         if role.frame == "nt":
-            axes[on], held[on], springs[on] = tn[on], given[::-1], role.spring[::-1]
+            axes[on], held[on], springs[on] = tn[on], is_given[::-1], role.spring[::-1]
         else:
-            held[on] = given
-    axes_of_edges = np.tile(np.eye(2), (e, 1, 1))
-    axes_of_edges[number] = axes
-    lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
-    elements = Elements(mesh, lam, mu, axes_of_edges)
-    local, rows = elements.stiffness(), elements.local_rows
-    at = np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel()
-    K = sp.coo_array((local.ravel(), at), shape=(4 * e, 4 * e)).tocsr()
+            held[on] = is_given
+    edge_axes = np.tile(np.eye(2), (e, 1, 1))
+    edge_axes[number] = axes
+    lam, mu = mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu")
+    elements = Elements(mesh, lam, mu, edge_axes)
+    rows = elements.local_rows
+    entries = np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel()
+    K = sp.coo_array((elements.stiffness().ravel(), entries), shape=(4 * e, 4 * e)).tocsr()
     if np.any(springs):
         stiffness = np.zeros((2, 2, e))
         stiffness[:, :, number] = (springs * half[:, None]).T
         K = sp.csr_array(K + sp.diags_array(stiffness.ravel()))
-    given_rows = np.zeros((2, 2, e), dtype=bool)
-    given_rows[:, :, number] = held.T
-    eliminate, own = ~given_rows, number[line.which]
-    eliminate[:, 0, own] = False
-    active, tied, ties = eliminate.ravel(), K, _ties(mesh, scene.boundary)
+    held_rows = np.zeros((2, 2, e), dtype=bool)
+    held_rows[:, :, number] = held.T
+    eliminated = ~held_rows
+    contact_edges = number[line.which]
+    eliminated[:, 0, contact_edges] = False
+    is_eliminated = eliminated.ravel()
+    tied_K, ties = K, _ties(mesh, scene.boundary)
     if ties is not None:
-        tied = sp.csr_array(ties.T @ K @ ties)
-        active = active & (np.diff(ties.tocsc().indptr) > 0)
-    backwards = segments[line.which, 0] > segments[line.which, 1]
-    along = np.arange(2) ^ backwards[:, None]
-    kept = (2 * along * e + own[:, None]).ravel()
-    found = condense(tied, points[edges].mean(axis=1), kept, active, components=4)
-    c = np.repeat(half[line.which], 2)
+        tied_K = sp.csr_array(ties.T @ K @ ties)
+        is_eliminated = is_eliminated & (np.diff(ties.tocsc().indptr) > 0)
+    runs_backwards = mesh.segments[line.which, 0] > mesh.segments[line.which, 1]
+    gauss = np.arange(2) ^ runs_backwards[:, None]
+    kept = (2 * gauss * e + contact_edges[:, None]).ravel()
+    middles = mesh.points[edges].mean(axis=1)
+    condensation = condense(tied_K, middles, kept, is_eliminated, components=4)
     return EquilibriumBody(
-        elements, number, axes, given_rows.ravel(), ties, K, tied.diagonal(), c, found
+        elements,
+        number,
+        axes,
+        held_rows.ravel(),
+        ties,
+        K,
+        tied_K.diagonal(),
+        np.repeat(half[line.which], 2),
+        condensation,
     )
 
 
 def lambda_1_band(
     body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array
 ) -> Band:
-    """λ₁ of the body from both sides. A_tilde: (m, m) that of P1 on the mesh with the moduli of
-    `body` [Pa]"""
-    hat, x, error = least_eigenpair(body.condensation.A_tilde, body.c)
-    whole = body.condensation.expand(x)
-    error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
+    """Return lower and upper bounds of λ₁ of the body.
+
+    A_tilde: (m, m) of P1 on the mesh with the moduli of `body` [Pa]
+    """
+    hat, mode, error = least_eigenpair(body.condensation.A_tilde, body.c)
+    w = body.condensation.expand(mode)
+    error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ w**2) / hat
     lam, mu = body.elements.lam, body.elements.mu
-    C2, M = (
-        neglected(mesh, line, np.minimum(mu, lam + mu)),
-        segment_mass(line.unknowns, line.lengths, line.m),
-    )
+    C2 = neglected(mesh, line, np.minimum(mu, lam + mu))
+    M = segment_mass(line.unknowns, line.lengths, line.m)
     v = scipy.linalg.eigh(A_tilde, M, subset_by_index=[0, 0])[1][:, 0]
-    high = float(v @ A_tilde @ v) / float(v @ M @ v)  # no less than the eigenvalue whatever v is
+    high = float(v @ A_tilde @ v) / float(v @ M @ v)  # no less than the eigenvalue for any v
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 
 
@@ -340,70 +365,71 @@ def require_straight(mesh: PlaneMesh) -> None:
     """Raise GeometryFailed for curved edges: their polygon is another body."""
     curved = sorted({curve.name for curve in mesh.geometry.curves if not curve.straight})
     if curved:
-        what = (
-            f"a guarantee needs straight edges, but the mesh of {', '.join(curved)} is another body"
-        )
-        raise GeometryFailed(
-            f"{what}; draw straight edges, or leave guarantee out", ("mesh", "guarantee")
-        )
+        names = ", ".join(curved)
+        fault = f"a guarantee needs straight edges, but the mesh of {names} is another body"
+        remedy = "draw straight edges, or leave guarantee out"
+        raise GeometryFailed(f"{fault}; {remedy}", ("mesh", "guarantee"))
 
 
 def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_array | None:
-    """T of w = T w': the displacements of a rigid edge in rows of its first segment, a_x, a_y and,
-    if it turns, φℓ."""
-    edges, sides = mesh.edges
+    """Return T of w = T w' for rigid edges, None without.
+
+    The unknowns a_x, a_y and, if the edge turns, φℓ are in rows of its first segment.
+    """
+    edges, edge_of_side = mesh.edges
     e = len(edges)
-    rest, parts = np.ones(4 * e, dtype=bool), []
+    untied = np.ones(4 * e, dtype=bool)
+    parts = list[tuple[Indices, Indices, Array]]()
     for name, role in boundary:
         if not unknown(role):
             continue
-        number = sides.ravel()[mesh.sides_at(mesh.segments[mesh.on(name)])]
+        number = edge_of_side.ravel()[mesh.sides_at(mesh.segments[mesh.on(name)])]
         ends = mesh.points[edges[number]]
-        at = ends[:, :1] + GAUSS[None, :, None] * (
-            ends[:, 1:] - ends[:, :1]
-        )  # (k, 2, 2) by edge and Gauss point
+        # (k, 2, 2) by edge and Gauss point
+        at_gauss = ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
         rows = 2 * e * np.arange(2) + number[:, None]
         nodes, _, arms = edge_arms(mesh, name)
         middle, length = mesh.points[nodes[0]] - arms[0], float(np.hypot(*arms.T).max())
         for c in unknown(role):
-            parts.append(
-                (rows + c * e, np.full(rows.shape, number[0] + c * e), np.ones(rows.shape))
-            )
-            rest[rows + c * e] = False
+            own_rows = rows + c * e
+            translation = np.full(rows.shape, number[0] + c * e)
+            parts.append((own_rows, translation, np.ones(rows.shape)))
+            untied[own_rows] = False
             if role.moment is not None:
-                arm = (at - middle)[..., 1 - c] * (-1.0 if c == 0 else 1.0) / length
-                parts.append((rows + c * e, np.full(rows.shape, 2 * e + number[0]), arm))
+                sign = -1.0 if c == 0 else 1.0
+                arm = (at_gauss - middle)[..., 1 - c] * sign / length
+                rotation = np.full(rows.shape, 2 * e + number[0])
+                parts.append((own_rows, rotation, arm))
     if not parts:
         return None
-    kept = np.flatnonzero(rest)
+    kept = np.flatnonzero(untied)
+    parts.append((kept, kept, np.ones(len(kept))))
     row, column, value = (
-        np.concatenate([a.ravel() for a in part]) for part in zip(*parts, strict=True)
+        np.concatenate([array.ravel() for array in arrays]) for arrays in zip(*parts, strict=True)
     )
-    entries = (
-        np.append(value, np.ones(len(kept))),
-        (np.append(row, kept), np.append(column, kept)),
-    )
-    return sp.csr_array(entries, shape=(4 * e, 4 * e))
+    return sp.csr_array((value, (row, column)), shape=(4 * e, 4 * e))
 
 
-# -- what linear tractions leave out ---------------------------------------------------------------
+# -- the part of tractions that is not linear on a segment -----------------------------------------
 
 
 def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
-    """C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v) over triangles at Γ_C [m/Pa].
+    """Return C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v) over triangles at Γ_C [m/Pa].
 
     stiffness: (t,) half the least of c, min(μ, λ + μ) [Pa]
     """
-    owner, (a, b) = mesh.owner[line.which], np.moveaxis(line.ends, 1, 0)
+    owner = mesh.owner[line.which]
+    first, second = np.moveaxis(line.ends, 1, 0)
     corners, ends = mesh.triangles[owner], line.segments
-    apex = mesh.points[corners[(corners != ends[:, :1]) & (corners != ends[:, 1:])]]
-    h = np.hypot(*(b - a).T)
-    along, across = (b - a) / h[:, None], apex - a
+    is_apex = (corners != ends[:, :1]) & (corners != ends[:, 1:])
+    apex = mesh.points[corners[is_apex]]
+    h = np.hypot(*(second - first).T)
+    along, across = (second - first) / h[:, None], apex - first
     x = np.einsum("ij,ij->i", along, across) / h
     y = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / h
     x = np.minimum(x, 1.0 - x)
-    # apexes within those, of few kinds; at this height the triangle reaches from x·share to 1 − (1
-    # − x)·share, which is 1/SHAPES wide or more
+    # Apexes of few classes inside these triangles: at the height `low` a triangle reaches from
+    # x·share to 1 − (1 − x)·share, which is 1/SHAPES wide or more.
     low = np.exp(np.floor(np.log(y * (1.0 - 1.0 / SHAPES)) * SHAPES) / SHAPES)
     share = low / y
     inner = np.ceil(x * share * SHAPES) / SHAPES
@@ -414,56 +440,51 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
 
 
 CHILDREN = np.array([[0, 6, 5], [1, 2, 7], [8, 3, 4], [8, 6, 7]])
-"""Sides of the four parts of a triangle: 0 to 5 are halves of its own sides, in order; the last
-part is in the middle, its sides run backwards; it is turned by 180°, which leaves its stiffness as
-it is."""
+"""Sides of the four parts of a triangle: 0 to 5 are halves of its own sides, in order.
+
+The last part is in the middle, and its sides run backwards: it is turned by 180°, which does not
+change its stiffness."""
 
 
 @lru_cache(maxsize=64)
 def shape_constants(shapes: tuple[Point, ...]) -> Array:
-    """(n,) C₀²: ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on the side e of a triangle with
-    its apex at (x, y)h_e.
+    """Return C₀² (n,) of ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on a side e.
 
-    The stiffness of a refined triangle at its boundary is that of four parts, each refined once
-    less.
+    The triangle has its apex at (x, y)h_e. The stiffness of a refined triangle at its boundary is
+    that of four parts, each refined once less.
     """
-    n, none = len(shapes), np.zeros(len(shapes))
-    points = np.stack([none, none, none + 1.0, none, *np.array(shapes).T], axis=1).reshape(-1, 2)
-    apart = TriangleGeometry(points, np.arange(3 * n).reshape(n, 3))
-    K = Elements(apart, none, none + 0.5, np.tile(np.eye(2), (3 * n, 1, 1))).stiffness()
-    for level in range(REFINED):
-        side = np.arange(2 * 2**level)  # Gauss points of a part's side
-        whole = np.zeros((n, 18 * len(side), 18 * len(side)))
-        for part, numbers in enumerate(CHILDREN):
-            points_of = len(side) * numbers[:, None] + (side[::-1] if part == 3 else side)
-            rows = (2 * points_of[..., None] + np.arange(2)).ravel()
-            whole[:, rows[:, None], rows] += K
-        K = _condensed(whole, np.arange(18 * len(side)) < 12 * len(side))
-    k = 2 * 2**REFINED
-    A = (
-        _condensed(
-            K, (np.arange(6 * k) % 2 == 0) & (np.arange(6 * k) < 2 * k), held=slice(1, 2 * k, 2)
-        )
-        * k
-    )
-    at = (np.arange(k // 2)[:, None] + GAUSS).ravel() / (k // 2)
-    Q = np.linalg.qr(np.column_stack([np.ones(k), at]))[
-        0
-    ]  # linear functions on e, rigid motion first
+    n = len(shapes)
+    zero = np.zeros(n)
+    corners = np.stack([zero, zero, zero + 1.0, zero, *np.array(shapes).T], axis=1)
+    triangles = TriangleGeometry(corners.reshape(-1, 2), np.arange(3 * n).reshape(n, 3))
+    K = Elements(triangles, zero, zero + 0.5, np.tile(np.eye(2), (3 * n, 1, 1))).stiffness()
+    for level in range(REFINEMENTS):
+        gauss = np.arange(2 * 2**level)  # Gauss points of a part's side
+        size = 18 * len(gauss)
+        assembled = np.zeros((n, size, size))
+        for part, sides in enumerate(CHILDREN):
+            points = len(gauss) * sides[:, None] + (gauss[::-1] if part == 3 else gauss)
+            rows = (2 * points[..., None] + np.arange(2)).ravel()
+            assembled[:, rows[:, None], rows] += K
+        K = _condensed(assembled, np.arange(size) < 12 * len(gauss))
+    k = 2 * 2**REFINEMENTS
+    row = np.arange(6 * k)
+    A = _condensed(K, (row % 2 == 0) & (row < 2 * k), held=slice(1, 2 * k, 2)) * k
+    x = (np.arange(k // 2)[:, None] + GAUSS).ravel() / (k // 2)
+    # linear functions on e, the rigid motion first
+    Q, _ = np.linalg.qr(np.column_stack([np.ones(k), x]))
     trace = np.trace(A, axis1=1, axis2=2)[:, None, None]
-    left = np.eye(k) - Q @ Q.T
-    nu = np.linalg.eigvalsh(left @ np.linalg.inv(A + trace * np.outer(Q[:, 0], Q[:, 0])) @ left)[
-        :, -1
-    ]
-    return np.asarray(nu / (1.0 - 0.5**REFINED))
+    projection = np.eye(k) - Q @ Q.T
+    definite = A + trace * np.outer(Q[:, 0], Q[:, 0])
+    nu = np.linalg.eigvalsh(projection @ np.linalg.inv(definite) @ projection)[:, -1]
+    return np.asarray(nu / (1.0 - 0.5**REFINEMENTS))
 
 
 def _condensed(K: Array, keep: NDArray[np.bool_], held: slice = slice(0)) -> Array:
-    """(n, m, m) K (n, r, r) condensed onto some rows, others held at 0."""
+    """Return K (n, r, r) condensed onto some rows (n, m, m), others held at 0."""
     inner = ~keep
     inner[held] = False
     k, i = np.flatnonzero(keep), np.flatnonzero(inner)
     K_ik = K[:, i[:, None], k]
-    return np.asarray(
-        K[:, k[:, None], k] - np.swapaxes(K_ik, 1, 2) @ np.linalg.solve(K[:, i[:, None], i], K_ik)
-    )
+    solved = np.linalg.solve(K[:, i[:, None], i], K_ik)
+    return np.asarray(K[:, k[:, None], k] - np.swapaxes(K_ik, 1, 2) @ solved)

@@ -1,5 +1,5 @@
-"""How far a number J is off, and where: by the same problem on the mesh with every triangle cut
-into four.
+"""The error of a goal J and the shares of triangles in it, from the same problem on the mesh with
+every triangle cut into four.
 
 With e = u_{h/2} − u_h, the dual solution z on the finer mesh, its interpolant I z and ξ = c b(u_T)
 on slipping nodes F,
@@ -90,8 +90,10 @@ Array = NDArray[np.float64]
 
 
 class Halved:
-    """The finer level of `coarse`, and what carries functions over; parent: (t_f,) coarse triangle
-    of each fine one."""
+    """The finer level of `coarse`, with transfer of functions between both.
+
+    parent: (t_f,) coarse triangle of each fine one
+    """
 
     def __init__(self, coarse: Level, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
         """scene, scenes: as for Level. Raises GeometryFailed if the refined mesh is not the
@@ -103,18 +105,18 @@ class Halved:
         self.parent, _ = located(mesh, fine.centres)
 
     def carry(self, values: Array) -> Array:
-        """Nodal values (n,) or displacements (2n,) of the level as those of the finer one."""
+        """Return nodal values (n,) or displacements (2n,) of the level on the finer one."""
         return (self._prolong @ values.reshape(-1, self.coarse.mesh.n_points).T).T.ravel()
 
     def interpolated(self, values: Array) -> Array:
-        """The level's interpolant of (n_f,) or (2n_f,) nodal values of the finer one, on the finer
-        one."""
+        """Return the level's interpolant of (n_f,) or (2n_f,) nodal values, on the finer level."""
         by_component = values.reshape(-1, self.level.mesh.n_points)
         return (self._prolong @ by_component[:, : self.coarse.mesh.n_points].T).T.ravel()
 
     def start(self, v: Array, u: Array) -> Array:
-        """A contact solution v (m,) of the level, with its u (2n,), as a start on the finer one
-        (m_f,); beside held nodes the displacement given there counts.
+        """Return a contact solution v (m,) with its u (2n,) as a start on the finer level (m_f,).
+
+        Beside held nodes the displacement given there counts.
         """
         line, n, nodes = self.coarse.line, self.coarse.mesh.n_points, self.level.line.nodes
         beside_held = (self._prolong @ line.nodal(np.zeros(line.m), n, 1.0))[nodes] > 0.0
@@ -122,31 +124,31 @@ class Halved:
         return np.where(beside_held, given, (self._prolong @ line.nodal(v, n))[nodes])
 
     def restricted(self, forces: Array) -> Array:
-        """(n,) forces at the contact nodes of the finer level (m_f,) as those at the nodes of the
-        level."""
+        """Return forces (n,) at the nodes of the level from those at the finer contact nodes (m_f,)."""
         return np.asarray(self._prolong.T @ self.level.line.nodal(forces, self.level.mesh.n_points))
 
     @cached_property
     def middles(self) -> NDArray[np.intp]:
-        """(s,) the new node in the middle of each segment of Γ_C of the level."""
-        after, (first, second) = (
-            np.empty(self.level.mesh.n_points, dtype=np.intp),
-            self.level.line.segments.T,
-        )
+        """Return the new node (s,) in the middle of each segment of Γ_C of the level."""
+        first, second = self.level.line.segments.T
+        after = np.empty(self.level.mesh.n_points, dtype=np.intp)
         after[first] = second
         return after[self.coarse.line.segments[:, 0]]
 
     def on_segments(self, values: Array) -> Array:
-        """(s,) sums of (s_f,) values on the segments of Γ_C over the two parts of each of the
-        level."""
-        at_new = np.bincount(
-            self.level.line.segments.max(axis=1), values, minlength=self.level.mesh.n_points
-        )
+        """Return sums (s,) of (s_f,) values over the two parts of each segment of Γ_C."""
+        new_nodes = self.level.line.segments.max(axis=1)
+        at_new = np.bincount(new_nodes, values, minlength=self.level.mesh.n_points)
         return np.asarray(at_new[self.middles])
+
+    def on_triangles(self, values: Array) -> Array:
+        """Return sums (t,) of (t_f,) values over the parts of each triangle of the level."""
+        count = len(self.coarse.mesh.triangles)
+        return np.asarray(np.bincount(self.parent, values, count), dtype=float)
 
 
 Both = tuple[Array, Array]
-"""Of the level and of the finer one."""
+"""A quantity of the level and of the finer one."""
 
 
 def contributions(
@@ -158,94 +160,98 @@ def contributions(
     u: Both,
     z: Array,
 ) -> Array:
-    """(n_f,) parts of J(u_{h/2}) − J(u_h) at the nodes of the finer mesh; a has the springs of
-    edges in it.
+    """Return the parts (n_f,) of J(u_{h/2}) − J(u_h) at the nodes of the finer mesh.
+
+    a has the springs of edges in it.
 
     problems, v: contact problems and solutions;  u: (2n_f,) displacements, on the finer mesh
     z: (2n_f,) the dual solution, extended into the body
     """
-    fine, line, xi = halved.level, halved.coarse.line, problems[1].xi(v[1])
-    nodes, local, law = fine.line.nodes, fine.frames.rows, problems[1].law
-    rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
-    by_node = np.sum(
-        (rest * local(fine.stiffness_times(scene, u[1] - u[0]))).reshape(2, -1), axis=0
-    )
-    by_node[nodes] += rest[nodes] * xi
-    lacks = np.where(law.sticking(v[1]), 0.0, weight_of_friction(goal) - local(z)[nodes])
-    lumped = lacks * fine.line.c * law.value(local(u[0])[nodes], law.piece(v[1]))
+    fine, line = halved.level, halved.coarse.line
+    nodes, local = fine.line.nodes, fine.frames.rows
+    coarse_problem, fine_problem = problems
+    law, fine_v = fine_problem.law, v[1]
+    weight = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
+    residual = local(fine.stiffness_times(scene, u[1] - u[0]))
+    parts = np.sum((weight * residual).reshape(2, -1), axis=0)
+    parts[nodes] += weight[nodes] * fine_problem.xi(fine_v)
+    friction_weight = weight_of_friction(goal) - local(z)[nodes]
+    friction_weight = np.where(law.sticking(fine_v), 0.0, friction_weight)
+    b = law.value(local(u[0])[nodes], law.piece(fine_v))
+    lumped = friction_weight * fine.line.c * b
     # on the nodes of the level, where both sums of friction all but cancel one by one
-    by_node[: halved.coarse.mesh.n_points] += halved.restricted(lumped)
-    by_node[line.nodes] -= fine.line.nodal(lacks, fine.mesh.n_points)[line.nodes] * problems[0].xi(
-        v[0]
-    )
-    return by_node
+    parts[: halved.coarse.mesh.n_points] += halved.restricted(lumped)
+    coarse_weight = fine.line.nodal(friction_weight, fine.mesh.n_points)[line.nodes]
+    parts[line.nodes] -= coarse_weight * coarse_problem.xi(v[0])
+    return parts
 
 
 def shares(halved: Halved, scene: Scene, xi: Array, e: Array, z: Array) -> Array:
-    """(t,) what each triangle of the level may contribute to an error, unsigned: ‖e‖_K ‖z − I z‖_K,
-    |a_K(lift of e, z)| where displacements are given, lumping h/6 |Δξ Δz| on Γ_C, and k‖∇(θ_{h/2} −
-    θ_h)‖_K ‖∇(ζ − I ζ)‖_K with the dual temperature ζ, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ.
+    """Return unsigned shares (t,) of the triangles of the level in an error:
+
+    ‖e‖_K ‖z − I z‖_K, |a_K(lift of e, z)| where displacements are given, lumping h/6 |Δξ Δz| on Γ_C,
+    and those of the temperature (`_thermal_shares`).
 
     xi: (m,) tractions of the level [Pa];  e: (2n_f,) u_{h/2} − u_h;  z: (2n_f,) the dual solution
     """
     mesh, coarse, frames = halved.level.mesh, halved.coarse, halved.level.frames
-    lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
+    lam, mu = mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu")
 
-    def gathered(values: Array) -> Array:
-        """(t,) sums of (t_f,) values over the parts of each triangle of the level."""
-        return np.asarray(
-            np.bincount(halved.parent, values, len(coarse.mesh.triangles)), dtype=float
-        )
+    def work(first: Array, second: Array) -> Array:
+        """Return a_K(first, second) (t,) of displacements (2n_f,) [J/m]."""
+        stress, strain = stress_of(own_strain(mesh, first), lam, mu), own_strain(mesh, second)
+        return halved.on_triangles(mesh.area * ((stress * strain) @ [1.0, 1.0, 2.0]))
 
-    def work(a: Array, b: Array) -> Array:
-        """(t,) a_K(a, b) of displacements (2n_f,) [J/m]."""
-        a, b = own_strain(mesh, a), own_strain(mesh, b)
-        return gathered(mesh.area * ((stress_of(a, lam, mu) * b) @ [1.0, 1.0, 2.0]))
-
-    rest, lift = (
-        z - halved.interpolated(z),
-        frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)),
-    )
-    found = np.sqrt(work(e, e) * work(rest, rest)) + np.abs(work(lift, z))
+    z_error = z - halved.interpolated(z)
+    lift = frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0))
+    total = np.sqrt(work(e, e) * work(z_error, z_error)) + np.abs(work(lift, z))
     z_T = frames.rows(z)[: mesh.n_points][coarse.line.nodes]
-    xi_step, z_step = (
-        np.diff(np.append(x, np.nan)[coarse.line.unknowns], axis=1)[:, 0] for x in (xi, z_T)
-    )
-    lumped = np.nan_to_num(np.abs(coarse.line.lengths / 6.0 * xi_step * z_step))
-    found += coarse.mesh.from_segments(lumped, coarse.line.which)
+    # the unknown −1 of a held node gets NaN, and no lumping is counted there
+    xi_change = np.diff(np.append(xi, np.nan)[coarse.line.unknowns], axis=1)[:, 0]
+    z_change = np.diff(np.append(z_T, np.nan)[coarse.line.unknowns], axis=1)[:, 0]
+    lumped = np.nan_to_num(np.abs(coarse.line.lengths / 6.0 * xi_change * z_change))
+    total += coarse.mesh.from_segments(lumped, coarse.line.which)
     if scene.material.expands:
-        slope = mesh.gradient(z.reshape(2, -1).T)
-        dilation = mesh.of_material(scene, "beta") * mesh.area * (slope[:, 0, 0] + slope[:, 1, 1])
-        w = halved.level.temperature(scene).theta - halved.carry(coarse.temperature(scene).theta)
-        if needs_heat_solve(
-            scene
-        ):  # c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat that goes in
-            zeta = halved.level.temperatures.response(scene, mesh.incidence @ dilation / 3.0)
-            k, both = (
-                mesh.of_material(scene, "k") * mesh.area,
-                (w, zeta - halved.interpolated(zeta)),
-            )
-            found += np.sqrt(
-                math.prod(gathered(k * np.sum(mesh.gradient(one) ** 2, axis=1)) for one in both)
-            )
-        else:
-            found += np.abs(gathered(dilation * w[mesh.triangles].mean(axis=1)))
-    return found
+        total += _thermal_shares(halved, scene, z)
+    return total
+
+
+def _thermal_shares(halved: Halved, scene: Scene, z: Array) -> Array:
+    """Return the shares (t,) of the temperature's error.
+
+    They are k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I ζ)‖_K with the dual temperature ζ, where heat is solved
+    for, and |β∫_K(θ_{h/2} − θ_h) div z| of a known θ.
+    """
+    mesh, fine, coarse = halved.level.mesh, halved.level, halved.coarse
+    slope = mesh.gradient(z.reshape(2, -1).T)
+    dilation = mesh.of_material(scene, "beta") * mesh.area * (slope[:, 0, 0] + slope[:, 1, 1])
+    theta_error = fine.temperature(scene).theta - halved.carry(coarse.temperature(scene).theta)
+    if not needs_heat_solve(scene):
+        return np.abs(halved.on_triangles(dilation * theta_error[mesh.triangles].mean(axis=1)))
+    # c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat input
+    zeta = fine.temperatures.response(scene, mesh.incidence @ dilation / 3.0)
+    conductance = mesh.of_material(scene, "k") * mesh.area
+
+    def square(theta: Array) -> Array:
+        """Return ∫_K k |∇θ|² (t,)."""
+        return halved.on_triangles(conductance * np.sum(mesh.gradient(theta) ** 2, axis=1))
+
+    return np.sqrt(square(theta_error) * square(zeta - halved.interpolated(zeta)))
 
 
 ACCEPTED = 1e-6
-"""Inclusion residual up to which the finer solution is good enough for an estimate."""
+"""Inclusion residual up to which the finer solution serves an estimate."""
 
 
 @dataclass(frozen=True)
 class GoalError:
-    """What is estimated of one solution.
+    """The estimated error of the goal of one solution.
 
-    limit:  estimated J(u);  error: what |J(u) − J(u_h)| is by that limit, in the unit of J, infinite where the finer
-            problem failed
-    spread: by how much the limit changes with the order it is extrapolated with
-    shares: (t,) what each triangle may contribute to the error
-    hidden: (s,) what the segments of Γ_C hide of it, in the unit of J: part of `error`
+    limit:  estimated J(u)
+    error:  |J(u) − J(u_h)| with that limit, in the unit of J, infinite where the finer problem failed
+    spread: change of the limit with the order of the extrapolation
+    shares: (t,) largest contributions of the triangles to the error
+    hidden: (s,) parts of `error` that segments of Γ_C hide, in the unit of J
     """
 
     limit: float
@@ -258,101 +264,111 @@ class GoalError:
 def goal_error(
     goal: Goal, halved: Halved, scene: Scene, problem: ContactProblem, v: Array, u: Array
 ) -> GoalError:
-    """Error of the goal of a solution v (m,) with the displacement u (2n,).
+    """Return the error of the goal of a solution v (m,) with the displacement u (2n,).
 
-    The finer problem starts from v and stays in its basin, so that another solution of the same
-    load is not compared.
+    The finer problem starts from v and stays in its basin: solutions of two branches are not
+    compared.
     """
     fine, line, mesh = halved.level, halved.coarse.line, halved.coarse.mesh
-    finer = fine.condensed(scene).problem
-    answer = solve_contact(
-        finer, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u)
-    )
-    value, w = goal_value(goal, problem, line, v), answer.v
-    if answer.status != Status.CONVERGED:
-        return GoalError(
-            value, np.inf, 0.0, np.zeros(len(mesh.triangles)), np.zeros(len(line.segments))
-        )
-    better, z_T = fine.displacement(scene, w), np.zeros(fine.line.m)
+    finer_problem = fine.condensed(scene).problem
+    start = halved.start(v, u)
+    finer = solve_contact(finer_problem, tolerance=ACCEPTED, branch="continued", neighbour=start)
+    value, w = goal_value(goal, problem, line, v), finer.v
+    if finer.status != Status.CONVERGED:
+        no_shares, nothing_hidden = np.zeros(len(mesh.triangles)), np.zeros(len(line.segments))
+        return GoalError(value, np.inf, 0.0, no_shares, nothing_hidden)
+    finer_u, z_T = fine.displacement(scene, w), np.zeros(fine.line.m)
     with suppress(scipy.linalg.LinAlgError):  # a turning point
-        z_T = dual(goal, finer, fine.line, w)
+        z_T = dual(goal, finer_problem, fine.line, w)
     z = fine.extension(scene, z_T)
-    carried = halved.carry(u)
-    parts = contributions(goal, halved, scene, (problem, finer), (v, w), (carried, better), z)
-    marking = shares(halved, scene, problem.xi(v) / line.c, better - carried, z)
-    hidden = halved.on_segments(hidden_effects(goal, fine.line, finer, w, better, z_T))
+    carried_u = halved.carry(u)
+    problems = problem, finer_problem
+    parts = contributions(goal, halved, scene, problems, (v, w), (carried_u, finer_u), z)
+    marking = shares(halved, scene, problem.xi(v) / line.c, finer_u - carried_u, z)
+    effects = hidden_effects(goal, fine.line, finer_problem, w, finer_u, z_T)
+    hidden = halved.on_segments(effects)
     # steps of the law, moved by half a cell of the finer level
-    lacks = np.max(np.abs(weight_of_friction(goal) - z_T[fine.line.unknowns]), axis=1)
-    stepped = halved.on_segments(0.5 * fine.line.lengths * steps(fine.line, finer, w) * lacks)
+    end_weights = np.abs(weight_of_friction(goal) - z_T[fine.line.unknowns])
+    step_sizes = steps(fine.line, finer_problem, w)
+    stepped = halved.on_segments(0.5 * fine.line.lengths * step_sizes * np.max(end_weights, axis=1))
     marking += mesh.from_segments(stepped, line.which)
-    stick, found = problem.law.sticking(v), fronts(line, problem, v)
-    at = [line.ends[front.segment].mean(axis=0) for front in found]
-    places = np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
-    factors, region = regions(halved, scene, stick, places, stepped > 0.0)
-    change = goal_value(goal, finer, fine.line, w) - value
-    # what is known apart from the parts of the change: the limit over J(u_h) without them, and
-    # their own doubt
-    apart, doubt, loose = 0.0, float(hidden.sum() + stepped.sum()), 0.0
+    slip_fronts = fronts(line, problem, v)
+    places = [line.ends[front.segment].mean(axis=0) for front in slip_fronts]
+    if goal.at is not None:
+        places.append(np.array(goal.at))
+    sticks = problem.law.sticking(v)
+    factors, region = regions(halved, scene, sticks, np.array(places).reshape(-1, 2), stepped > 0.0)
+    change = goal_value(goal, finer_problem, fine.line, w) - value
+    # corrections that are known apart from the parts of the change: their sum, and their doubt
+    correction, doubt, loose = 0.0, float(hidden.sum() + stepped.sum()), 0.0
     if goal.quantity == "slip_length":
-        own, (length, unsure) = slip_length(line, problem, v)[0], slip_length(fine.line, finer, w)
-        apart, change, doubt = own - value, length - own, doubt + unsure
-        for front in found:  # half of the cell: what the nodes leave open
-            around = np.flatnonzero(
-                np.any(np.isin(mesh.triangles, line.segments[front.segment]), axis=1)
-            )
+        located_length, _ = slip_length(line, problem, v)
+        finer_length, length_doubt = slip_length(fine.line, finer_problem, w)
+        correction, change = located_length - value, finer_length - located_length
+        doubt = doubt + length_doubt
+        for front in slip_fronts:  # half of the cell, which the nodes leave open
+            ends = line.segments[front.segment]
+            around = np.flatnonzero(np.any(np.isin(mesh.triangles, ends), axis=1))
             marking[around] += 0.5 * front.width / len(around)
     elif goal.quantity == "friction_resultant":
         missing = lost(line, problem, v)
-        gained = missing - halved.on_segments(lost(fine.line, finer, w))
+        gained = missing - halved.on_segments(lost(fine.line, finer_problem, w))
         parts[halved.middles] -= gained
-        apart, change = float(missing.sum()), change - float(gained.sum())
+        correction, change = float(missing.sum()), change - float(gained.sum())
         loose = float(np.abs(2.0 * gained - missing).sum())
-        doubt += float(torn(fine.line, finer, w).sum())
+        doubt += float(torn(fine.line, finer_problem, w).sum())
         marking += mesh.from_segments(np.abs(missing) + torn(line, problem, v), line.which)
-    # the rest of the change by parts, each with the factor of its place
+    # the remaining change by parts, each with the factor of its region
     nonlinear = change - float(parts.sum())
     spread = DIFFERENCE * math.hypot(*np.bincount(region, parts).tolist(), nonlinear) + loose
-    rest = apart + (float(factors @ parts) + SMOOTH * nonlinear)
-    return GoalError(value + rest, abs(rest) + doubt, spread, marking, hidden)
+    correction = correction + (float(factors @ parts) + SMOOTH * nonlinear)
+    return GoalError(value + correction, abs(correction) + doubt, spread, marking, hidden)
 
 
-SMOOTH, FIRST, DIFFERENCE = 4.0 / 3.0, 2.0, 1.0 / 3.0
-"""1/(1 − 2^{−p}) for p = 2 and for p = 1, and by how much their mean differs from the first."""
+SMOOTH = 4.0 / 3.0
+"""1/(1 − 2^{−p}) for p = 2."""
+FIRST = 2.0
+"""1/(1 − 2^{−p}) for p = 1."""
+DIFFERENCE = 1.0 / 3.0
+"""Difference of their mean from either."""
 
 
 def regions(
     halved: Halved,
     scene: Scene,
     sticks: NDArray[np.bool_],
-    more: Array,
+    other_places: Array,
     stepped: NDArray[np.bool_] | None = None,
 ) -> tuple[Array, NDArray[np.intp]]:
-    """(n_f,) of the nodes of the finer mesh: factors from what they contribute to a change to its
-    part of J(u) − J(u_h), and regions, from 0 on, whose contributions go by one order.
+    """Return the factors and the regions (n_f,) of the nodes of the finer mesh.
 
-    Regions are every singular corner with the triangles that touch it, and the nodes nearest to one end of a curve.
-    sticks:  (m,) whether the contact nodes stick;  more: (k, 2) other places with nodes of their own, beside curve ends
-    stepped: (s,) segments of Γ_C of the level on which the law steps
+    A factor leads from the part of a node in a change to its part of J(u) − J(u_h). Regions, counted
+    from 0, have contributions of one order: the triangles at a singular corner, or the nodes nearest
+    to one place.
+
+    sticks:       (m,) whether the contact nodes stick
+    other_places: (k, 2) places with regions of their own, beside ends of curves
+    stepped:      (s,) segments of Γ_C of the level on which the law steps
     """
     coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
     factors = np.full(fine.n_points, SMOOTH)
-    near = sticking_near([line.edge_names[i] for i in line.edge], line.xy, sticks)
-    known = vertices(coarse.geometry.corners, scene, near)  # with λ of u ~ r^λ; 1/2 in a cusp
-    at = {
-        int(np.argmin(np.linalg.norm(coarse.points - one.at, axis=1))): float(
-            np.nan_to_num(one.exponent, nan=0.5)
-        )
-        for one in known
-    }
-    places = np.concatenate([coarse.points[list(at)], more])
+    edge_of_node = [line.edge_names[edge] for edge in line.edge]
+    near = sticking_near(edge_of_node, line.xy, sticks)
+    exponents = dict[int, float]()  # λ of u ~ r^λ by node; 1/2 in a cusp
+    for vertex in vertices(coarse.geometry.corners, scene, near):
+        node = int(np.argmin(np.linalg.norm(coarse.points - vertex.at, axis=1)))
+        exponents[node] = float(np.nan_to_num(vertex.exponent, nan=0.5))
+    places = np.concatenate([coarse.points[list(exponents)], other_places])
     region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
-    for node, exponent in at.items():
+    for node, exponent in exponents.items():
         if exponent < 1.0:
-            around = fine.triangles[np.any(coarse.triangles == node, axis=1)[halved.parent]]
+            touches = np.any(coarse.triangles == node, axis=1)
+            around = fine.triangles[touches[halved.parent]]
             factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * exponent)))
             region[around] = region.max() + 1
     if stepped is not None and np.any(stepped):
-        around = np.concatenate([halved.middles[stepped], line.segments[stepped].ravel()])
+        stepped_nodes = line.segments[stepped].ravel()
+        around = np.concatenate([halved.middles[stepped], stepped_nodes])
         factors[around] = np.maximum(factors[around], FIRST)
         region[around] = region.max() + 1
     return factors, region
