@@ -35,6 +35,7 @@ Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -65,79 +66,86 @@ Indices = NDArray[np.intp]
 
 
 def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames:
-    """Collect the constraints of all clamped and contact edges and turn them into local frames.
+    """Return the local frames that follow from the constraints of clamped and contact edges.
 
     Raises GeometryFailed where two edges prescribe different displacements at their common corner.
     """
-    parts: list[
-        tuple[Indices, Array, Array, str]
-    ] = []  # d·u(node) = value: node, d, value, name of the edge
+    parts: list[_Constraints] = []
+    # contact first, so that its frame (t, n) wins where it stands alone
     for name, role in sorted(boundary, key=lambda item: not isinstance(item[1], Contact)):
-        # contact first, so that its frame (t, n) wins where it stands alone
-        if not isinstance(role, Contact | Clamped):
-            continue
-        for own in (
-            mesh.segment_curve == i
-            for i, curve in enumerate(mesh.geometry.curves)
-            if curve.name == name
-        ):
-            nodes, first = np.unique(mesh.segments[own], return_index=True)
-            normals = mesh.end_normals[own].reshape(-1, 2)[first]  # of the exact curve
-            if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
-                raise GeometryFailed(
-                    f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES
-                )
-            directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
-            if role.frame == "nt":
-                directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
-            for along, component in zip(directions, role.u, strict=True):
-                if component is not None:
-                    parts.append((nodes, along, values_at(component, mesh.points[nodes]), name))
+        if isinstance(role, Contact | Clamped):
+            parts += _constraints(mesh, name, role)
     names = [name for nodes, _, _, name in parts for _ in nodes]
-    node, direction, value = (
-        np.concatenate(column) for column in list(zip(*parts, strict=True))[:3]
-    )
+    node = np.concatenate([nodes for nodes, _, _, _ in parts])
+    direction = np.concatenate([directions for _, directions, _, _ in parts])
+    value = np.concatenate([values for _, _, values, _ in parts])
     order = np.argsort(node, kind="stable")
     node, direction, value = node[order], direction[order], value[order]
     nodes, first, count = np.unique(node, return_index=True, return_counts=True)
-    d0, v0, own = direction[first], value[first], np.repeat(np.arange(len(nodes)), count)
-    sine = np.abs(_cross(d0[own], direction))
-    second = np.lexsort((-sine, own))[
-        first
-    ]  # of every node the direction that is farthest from its first
-    both, d1, v1 = sine[second] > SMOOTH, direction[second], value[second]
-    det = np.where(both, _cross(d0, d1), 1.0)
-    pair = np.column_stack(
-        [(v0 * d1[:, 1] - v1 * d0[:, 1]) / det, (v1 * d0[:, 0] - v0 * d1[:, 0]) / det]
-    )
-    u = np.where(both[:, None], pair, v0[:, None] * d0)
-    apart = np.abs(np.einsum("ij,ij->i", direction, u[own]) - value)
-    wrong = np.flatnonzero(apart > 1e-9 * float(np.max(np.abs(value), initial=0.0)))
-    if len(wrong):
-        x, y = mesh.points[node[wrong[0]]]
-        others = {names[i] for i in order[own == own[wrong[0]]]}
+    d0, v0 = direction[first], value[first]
+    number = np.repeat(np.arange(len(nodes)), count)
+    sine = np.abs(_cross(d0[number], direction))
+    # of every node the direction that is farthest from its first
+    second = np.lexsort((-sine, number))[first]
+    is_fixed, d1, v1 = sine[second] > SMOOTH, direction[second], value[second]
+    det = np.where(is_fixed, _cross(d0, d1), 1.0)
+    u_x = (v0 * d1[:, 1] - v1 * d0[:, 1]) / det
+    u_y = (v1 * d0[:, 0] - v0 * d1[:, 0]) / det
+    u = np.where(is_fixed[:, None], np.column_stack([u_x, u_y]), v0[:, None] * d0)
+    difference = np.abs(np.einsum("ij,ij->i", direction, u[number]) - value)
+    contradicting = np.flatnonzero(difference > 1e-9 * float(np.max(np.abs(value), initial=0.0)))
+    if len(contradicting):
+        worst = contradicting[0]
+        x, y = mesh.points[node[worst]]
+        edges = {names[i] for i in order[number == number[worst]]}
         raise GeometryFailed(
-            f"edges {', '.join(sorted(others))} prescribe different displacements at their common "
+            f"edges {', '.join(sorted(edges))} prescribe different displacements at their common "
             f"corner ({x:g}, {y:g}); make them agree there, or free a component",
             ("boundary",),
         )
-    n, one, two, d = mesh.n_points, nodes[~both], nodes[both], d0[~both]
-    axes, fixed, values = (
-        np.tile(np.eye(2), (n, 1, 1)),
-        np.zeros(2 * n, dtype=bool),
-        np.zeros(2 * n),
-    )
-    axes[one] = np.stack(
-        [np.column_stack([-d[:, 1], d[:, 0]]), d], axis=2
-    )  # columns t = (−d₂, d₁) and d
-    fixed[one + n], values[one + n] = True, v0[~both]
+    n, one, two, d = mesh.n_points, nodes[~is_fixed], nodes[is_fixed], d0[~is_fixed]
+    axes = np.tile(np.eye(2), (n, 1, 1))
+    fixed, values = np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
+    t = np.column_stack([-d[:, 1], d[:, 0]])
+    axes[one] = np.stack([t, d], axis=2)
+    fixed[one + n], values[one + n] = True, v0[~is_fixed]
     fixed[two] = fixed[two + n] = True
-    values[two], values[two + n] = u[both].T
+    values[two], values[two + n] = u[is_fixed].T
     return _tied(mesh, boundary, Frames(axes, fixed, values))
 
 
+_Constraints = tuple[Indices, Array, Array, str]
+"""Conditions d·u(node) = value: nodes, d, values, name of the edge."""
+
+
+def _constraints(mesh: PlaneMesh, name: str, role: Role) -> Iterator[_Constraints]:
+    """Yield the constraints of an edge, curve by curve and component by component.
+
+    Raises GeometryFailed for a symmetry edge that is not straight.
+    """
+    for index, curve in enumerate(mesh.geometry.curves):
+        if curve.name != name:
+            continue
+        on_curve = mesh.segment_curve == index
+        nodes, first = np.unique(mesh.segments[on_curve], return_index=True)
+        normals = mesh.end_normals[on_curve].reshape(-1, 2)[first]  # of the exact curve
+        if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
+            raise GeometryFailed(
+                f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES
+            )
+        directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
+        if role.frame == "nt":
+            directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
+        for direction, component in zip(directions, role.u, strict=True):
+            if component is not None:
+                yield nodes, direction, values_at(component, mesh.points[nodes]), name
+
+
 def values_at(scalar: Scalar, points: Array) -> Array:
-    """A number or an expression at points (…, 2) → (…)."""
+    """Return a number or an expression (…) at points (…, 2).
+
+    Raises GeometryFailed where an expression is not finite.
+    """
     if not isinstance(scalar, Expression):
         return np.full(points.shape[:-1], float(scalar))
     value = scalar.evaluate(points[..., 0], points[..., 1])
@@ -184,115 +192,129 @@ class ContactLine:
 
     @cached_property
     def unknowns(self) -> Indices:
-        """(s, 2) the contact unknown at both ends of every segment, −1 at held nodes."""
+        """Return the contact unknowns (s, 2) at both ends of segments, −1 at held nodes."""
         number = np.full(int(self.segments.max()) + 1, -1, dtype=np.intp)
         number[self.nodes] = np.arange(self.m)
         return number[self.segments]
 
     @cached_property
     def own_law(self) -> Indices:
-        """(s, 2) the contact unknown whose law half a segment has: its end, the other one at a
-        joint or held end."""
-        own, joint = self.unknowns, np.isin(self.unknowns, self.joints.node)
-        return np.where(
-            (own < 0) | (joint & (own[:, ::-1] >= 0) & ~joint[:, ::-1]), own[:, ::-1], own
-        )
+        """Return the contact unknown (s, 2) whose law half a segment has.
+
+        It is that of the end, or of the other one at an interface junction or a held end.
+        """
+        end, other_end = self.unknowns, self.unknowns[:, ::-1]
+        at_joint = np.isin(self.unknowns, self.joints.node)
+        to_other = at_joint & (other_end >= 0) & ~at_joint[:, ::-1]
+        return np.where((end < 0) | to_other, other_end, end)
 
     @cached_property
     def lengths(self) -> Array:
-        """(s,) lengths of the segments [m]."""
+        """Return the lengths of the segments (s,) [m]."""
         return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
 
     @cached_property
     def held(self) -> tuple[Indices, Indices]:
-        """(h,) the segments with an end that carries no unknown, in order, and 0 or 1, which of
-        their ends it is."""
-        at, side = np.nonzero(self.unknowns < 0)
-        return at, side
+        """Return the segments with a held end (h,), in order, and which end it is, 0 or 1."""
+        segment, end = np.nonzero(self.unknowns < 0)
+        return segment, end
 
     def nodal(self, values: Array, n: int, elsewhere: float = 0.0) -> Array:
-        """(n,) values at the contact nodes (m,) as those at all nodes of the mesh."""
-        found = np.full(n, elsewhere)
-        found[self.nodes] = values
-        return found
+        """Return values at the contact nodes (m,) as nodal values of the mesh (n,)."""
+        nodal = np.full(n, elsewhere)
+        nodal[self.nodes] = values
+        return nodal
 
     def nearest(self, at: Point) -> tuple[int, float]:
-        """The segment of Γ_C that is nearest to a point, and where on it from 0 to 1."""
+        """Return the segment of Γ_C nearest to a point, and the position on it from 0 to 1."""
         along = self.ends[:, 1] - self.ends[:, 0]
         offset = np.asarray(at) - self.ends[:, 0]
-        t = np.clip(
-            np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0
-        )
-        k = int(np.argmin(np.linalg.norm(offset - t[:, None] * along, axis=1)))
-        return k, float(t[k])
+        projection = np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along)
+        position = np.clip(projection, 0.0, 1.0)
+        distance = np.linalg.norm(offset - position[:, None] * along, axis=1)
+        segment = int(np.argmin(distance))
+        return segment, float(position[segment])
 
 
 def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> ContactLine:
-    """Order the contact nodes of the study edges `names` and measure their segments S_i.
+    """Return the contact nodes of the study edges `names` in order, with their segments S_i.
 
     Raises GeometryFailed if a piece of Γ_C has no free node at all (the mesh is too coarse there).
     """
-    curves = mesh.geometry.curves
-    edge_of_curve = np.array([names.index(c.name) if c.name in names else -1 for c in curves])
+    curve_names = [curve.name for curve in mesh.geometry.curves]
+    edge_of_curve = np.array([names.index(name) if name in names else -1 for name in curve_names])
     which = np.flatnonzero(edge_of_curve[mesh.segment_curve] >= 0)
     parts = _parts(mesh.segments[which], mesh.segment_curve[which])
     which = which[np.concatenate(parts)]
     segments, edge = mesh.segments[which], edge_of_curve[mesh.segment_curve[which]]
     lengths = np.linalg.norm(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]], axis=1)
-    loose = ~frames.fixed[segments]
-    if len(lost := np.flatnonzero(~loose.any(axis=1))):
-        x, y = mesh.points[segments[lost[0], 0]]
+    is_free = ~frames.fixed[segments]
+    held = np.flatnonzero(~is_free.any(axis=1))
+    if len(held):
+        x, y = mesh.points[segments[held[0], 0]]
         raise GeometryFailed(
             f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh, "
             "or draw short edges that stand for a curve as arcs with through"
         )
-    # what a segment adds to c_i of its ends: half of it, a fixed end's half goes to the other end
-    halves = np.where(loose.all(axis=1, keepdims=True), 0.5, loose) * lengths[:, None]
+    # half of a segment for c_i of either end; the half of a fixed end goes to the other one
+    halves = np.where(is_free.all(axis=1, keepdims=True), 0.5, is_free) * lengths[:, None]
     c = np.zeros(mesh.n_points)
     np.add.at(c, segments.T, halves.T)
-    before, stops = np.cumsum(lengths) - lengths, np.cumsum([len(part) for part in parts])
-    found: list[tuple[Indices, Array, Indices]] = []
-    for first, stop in zip(
-        [0, *stops[:-1]], stops, strict=True
-    ):  # each node once: as the start of its segment, or as
-        found.append((segments[first:stop, 0], before[first:stop], edge[first:stop]))
-        if segments[stop - 1, 1] != segments[first, 0]:  # the end of an open part
+    before = np.cumsum(lengths) - lengths
+    stops = np.cumsum([len(part) for part in parts])
+    # each node once, as the start of its segment or as the end of an open part
+    in_order: list[tuple[Indices, Array, Indices]] = []
+    for first, stop in zip([0, *stops[:-1]], stops, strict=True):
+        in_order.append((segments[first:stop, 0], before[first:stop], edge[first:stop]))
+        if segments[stop - 1, 1] != segments[first, 0]:
             last = slice(stop - 1, stop)
-            found.append((segments[last, 1], before[last] + lengths[last], edge[last]))
-    nodes, at, edges = (np.concatenate(column) for column in zip(*found, strict=True))
-    free, ends = ~frames.fixed[nodes], mesh.points[segments]
-    nodes, at, on = nodes[free], at[free], edges[free].astype(np.int8)
-    own = np.full(mesh.n_points, -1)
-    own[nodes] = np.arange(len(nodes))
-    into = own[segments[:, 1]]
-    meets = np.flatnonzero((into >= 0) & (on[into] != edge))
-    joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
+            in_order.append((segments[last, 1], before[last] + lengths[last], edge[last]))
+    nodes, arclength, edges = (np.concatenate(column) for column in zip(*in_order, strict=True))
+    free = ~frames.fixed[nodes]
+    nodes, arclength, node_edge = nodes[free], arclength[free], edges[free].astype(np.int8)
+    number = np.full(mesh.n_points, -1)
+    number[nodes] = np.arange(len(nodes))
+    end = number[segments[:, 1]]
+    meets = np.flatnonzero((end >= 0) & (node_edge[end] != edge))
+    shares = halves[meets, 1] / c[segments[meets, 1]]
     return ContactLine(
-        nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, edge, joints
+        nodes,
+        arclength,
+        mesh.points[nodes],
+        c[nodes],
+        node_edge,
+        names,
+        segments,
+        mesh.points[segments],
+        which,
+        edge,
+        Joints(end[meets], edge[meets], shares),
     )
 
 
 def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
-    """The directed segments in order along their chains.
+    """Return the numbers of directed segments in order along their chains.
 
-    Open parts start at the node that no segment ends in; closed ones at their first segment by
+    Open parts start at the node at which no segment ends; closed ones at their first segment by
     rank.
     """
-    outgoing = {a: i for i, a in enumerate(segments[:, 0].tolist())}
+    outgoing = {start: i for i, start in enumerate(segments[:, 0].tolist())}
     ends, by_rank = set(segments[:, 1].tolist()), np.argsort(rank, kind="stable").tolist()
+    open_heads = [i for i in by_rank if int(segments[i, 0]) not in ends]
     seen, parts = set[int](), list[list[int]]()
-    for head in [*(i for i in by_rank if int(segments[i, 0]) not in ends), *by_rank]:
+    for head in [*open_heads, *by_rank]:
         part, i = list[int](), head
         while i is not None and i not in seen:
             seen.add(i)
             part.append(i)
             i = outgoing.get(int(segments[i, 1]))
-        parts += [part] if part else []
+        if part:
+            parts.append(part)
     return parts
 
 
 def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frames) -> Frames:
-    """The frames with all nodes of a rigid edge tied to one, on the contact line if it meets it.
+    """Return the frames with all nodes of a rigid edge tied to one, if possible on the contact line.
 
     Raises GeometryFailed where another edge holds a rigid one.
     """
@@ -305,25 +327,10 @@ def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frame
     turning: list[tuple[Indices, Indices, Array]] = []
     for name, role in rigid:
         if role.moment is not None:
-            nodes, _, arms = edge_arms(mesh, name)
-            taken = (
-                fixed | (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0)
-            )  # held or tied already
-            wrong = (
-                taken[nodes]
-                | taken[nodes + n]
-                | (np.abs(axes[nodes] - np.eye(2)) > SMOOTH).any(axis=(1, 2))
-            )
-            if wrong.any():
-                x, y = mesh.points[nodes[np.argmax(wrong)]]
-                what = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
-                raise GeometryFailed(f"{what}; leave out its moment", EDGES)
-            length, ones = float(np.hypot(*arms.T).max()), np.ones(len(nodes))
-            masters = np.array([nodes[0], nodes[0] + n, nodes[-1]])  # rows of a_x, a_y and φℓ
-            row = np.concatenate([nodes, nodes + n, nodes, nodes + n])
-            value = np.concatenate([ones, ones, -arms[:, 1] / length, arms[:, 0] / length])
-            turning.append((row, np.repeat(masters[[0, 1, 2, 2]], len(nodes)), value))
-            signs[row], fixed[np.setdiff1d(row, masters)] = 0.0, True
+            is_tied = (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0)
+            row, master, value = _turning(mesh, axes, fixed | is_tied, name)
+            turning.append((row, master, value))
+            signs[row], fixed[np.setdiff1d(row, master)] = 0.0, True
             continue
         for c in unknown(role):
             nodes = mesh.nodes_on(name)
@@ -341,25 +348,51 @@ def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frame
     return replace(frames, fixed=fixed, ties=ties)
 
 
+def _turning(
+    mesh: PlaneMesh, axes: Array, taken: NDArray[np.bool_], name: str
+) -> tuple[Indices, Indices, Array]:
+    """Return the entries of T of an edge that turns: rows, columns and values.
+
+    taken: (2n,) rows that are held or tied already
+    Raises GeometryFailed where another edge holds this one.
+    """
+    n = mesh.n_points
+    nodes, _, arms = edge_arms(mesh, name)
+    is_rotated = (np.abs(axes[nodes] - np.eye(2)) > SMOOTH).any(axis=(1, 2))
+    is_held = taken[nodes] | taken[nodes + n] | is_rotated
+    if is_held.any():
+        x, y = mesh.points[nodes[np.argmax(is_held)]]
+        fault = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
+        raise GeometryFailed(f"{fault}; leave out its moment", EDGES)
+    length, ones = float(np.hypot(*arms.T).max()), np.ones(len(nodes))
+    masters = np.array([nodes[0], nodes[0] + n, nodes[-1]])  # rows of a_x, a_y and φℓ
+    row = np.concatenate([nodes, nodes + n, nodes, nodes + n])
+    value = np.concatenate([ones, ones, -arms[:, 1] / length, arms[:, 0] / length])
+    return row, np.repeat(masters[[0, 1, 2, 2]], len(nodes)), value
+
+
 def unknown(role: Role) -> list[int]:
-    """The components of a rigid edge that nothing prescribes; none of another edge."""
-    return [c for c, given in enumerate(role.u) if given is None] if isinstance(role, Rigid) else []
+    """Return the components of a rigid edge that are not prescribed, none of another edge."""
+    if not isinstance(role, Rigid):
+        return []
+    return [component for component, given in enumerate(role.u) if given is None]
 
 
 def edge_arms(mesh: PlaneMesh, name: str) -> tuple[Indices, Array, Array]:
-    """(k,) nodes of an edge, (k,) their shares of its length and (k, 2) where they are from its
-    middle [m]."""
-    segments = mesh.segments[mesh.on(name)]
-    share = np.bincount(
-        segments.ravel(), np.repeat(0.5 * mesh.boundary.length[mesh.on(name)], 2), mesh.n_points
-    )
+    """Return the nodes (k,) of an edge, their shares of its length (k,) and their arms (k, 2) [m].
+
+    Arms lead from the middle of the edge to its nodes.
+    """
+    on_edge = mesh.on(name)
+    halves = np.repeat(0.5 * mesh.boundary.length[on_edge], 2)
+    share = np.bincount(mesh.segments[on_edge].ravel(), halves, mesh.n_points)
     nodes = np.flatnonzero(share)
     share = share[nodes] / share.sum()
     return nodes, share, mesh.points[nodes] - share @ mesh.points[nodes]
 
 
 def couple(mesh: PlaneMesh, name: str) -> Array:
-    """A load of no resultant and the moment 1 about the middle of an edge, (2n,) in x and y."""
+    """Return a load (2n,) in x and y with the moment 1 about the middle of an edge, no resultant."""
     nodes, share, arms = edge_arms(mesh, name)
     F = np.zeros((2, mesh.n_points))
     F[:, nodes] = share * np.array([-arms[:, 1], arms[:, 0]]) / (share @ np.sum(arms**2, axis=1))
@@ -369,37 +402,36 @@ def couple(mesh: PlaneMesh, name: str) -> Array:
 def _rows_along(
     mesh: PlaneMesh, axes: Array, fixed: NDArray[np.bool_], nodes: Indices, c: int, name: str
 ) -> tuple[Indices, Array]:
-    """(k,) the local rows that are ± u_x or u_y at nodes, and the signs.
+    """Return the local rows (k,) that are ± u_x or u_y at nodes, and the signs.
 
     Raises GeometryFailed where another edge holds that component, or a slanted part of it.
     """
     along = axes[nodes, c]
     local = np.argmax(np.abs(along), axis=1)
     sign, row = along[np.arange(len(nodes)), local], nodes + mesh.n_points * local
-    wrong = np.flatnonzero((np.abs(np.abs(sign) - 1.0) > SMOOTH) | fixed[row])
-    if len(wrong):
-        x, y = mesh.points[nodes[wrong[0]]]
-        if not fixed[
-            row[wrong[0]]
-        ]:  # u_N = 0 on an inclined line, along which alone the edge could move
-            what = f"the rigid edge {name} meets an edge that holds it in a slanted direction at ({x:g}, {y:g})"
-            raise GeometryFailed(
-                f"{what}; give it the role clamped, or let a free edge lie between the two", EDGES
-            )
-        what = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it at ({x:g}, {y:g})"
-        raise GeometryFailed(f"{what}; give it u_{'xy'[c]}: 0", EDGES)
-    return row, np.sign(sign)
+    is_slanted = np.abs(np.abs(sign) - 1.0) > SMOOTH
+    held = np.flatnonzero(is_slanted | fixed[row])
+    if not len(held):
+        return row, np.sign(sign)
+    x, y = mesh.points[nodes[held[0]]]
+    if fixed[row[held[0]]]:
+        fault = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it at ({x:g}, {y:g})"
+        remedy = f"give it u_{'xy'[c]}: 0"
+    else:  # u_N = 0 on an inclined line, along which alone the edge could move
+        fault = f"the rigid edge {name} meets an edge that holds it in a slanted direction at ({x:g}, {y:g})"
+        remedy = "give it the role clamped, or let a free edge lie between the two"
+    raise GeometryFailed(f"{fault}; {remedy}", EDGES)
 
 
 DEGREES = {ngs.SEGM: 6, ngs.TRIG: 5}
-"""Up to which quadrature of data given as expressions is exact, times φ; of numbers 1 is enough."""
+"""Degrees up to which quadrature of expressions times φ is exact; numbers need degree 1."""
 
 Moduli = tuple[tuple[Where, float, float], ...]
-"""Where the body has which λ and μ [Pa]."""
+"""λ and μ of the regions of the body [Pa]."""
 Springs = tuple[tuple[str, float, float], ...]
 """(edge, k_N, k_T) of edges on springs [Pa/m]."""
 Conductivity = tuple[tuple[Where, float], ...]
-"""Where the body has which k; () where k is the same everywhere."""
+"""k of the regions of the body; () where k is uniform."""
 NodeGraph = tuple[NDArray[np.int32], NDArray[np.int32]]
 """CSR pattern of G, which nodes share a triangle: where rows start, and columns, ascending."""
 
@@ -415,45 +447,52 @@ class ElasticForms:
     )
 
     def products(self, where: Where = ()) -> tuple[NodeGraph, Array]:
-        """The graph of the nodes and G on it, (2, 2, nnz): [c, d, entry], with integrals over some
-        regions."""
+        """Return the graph of the nodes and G on it, (2, 2, nnz): [c, d, entry].
+
+        where: regions over which to integrate, () for the whole body
+        """
         if where not in self._products:
-            u, v = self._space.TnT()
-            divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
-            # a factor 0 elsewhere, since a form that is not defined there has no entries there
-            # either
-            if where:
-                divergences = (
-                    self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
-                )
-            if not where or self.mesh.inside(where).any():
-                graph, G = _blocks(ngs.BilinearForm(divergences * ngs.dx).Assemble())
-            else:  # of a factor that is 0 everywhere NGSolve makes no form
-                graph, G = self.products()
-                G = np.zeros_like(G)
-            self._products[where] = graph, G
+            self._products[where] = self._new_products(where)
         return self._products[where]
+
+    def _new_products(self, where: Where) -> tuple[NodeGraph, Array]:
+        if where and not self.mesh.inside(where).any():
+            # NGSolve makes no form of a factor that is 0 everywhere
+            graph, whole = self.products()
+            return graph, np.zeros_like(whole)
+        u, v = self._space.TnT()
+        divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
+        if where:
+            # a factor 0 elsewhere: a form that is not defined there has no entries there
+            factor = self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0)
+            divergences = factor * divergences
+        return _blocks(ngs.BilinearForm(divergences * ngs.dx).Assemble())
 
     @cached_property
     def _space(self) -> Any:
-        return ngs.H1(
-            self.mesh.mesh, order=1, dim=2
-        )  # one vector a node: cheaper than the compound VectorH1
+        # one vector a node is cheaper than the compound VectorH1
+        return ngs.H1(self.mesh.mesh, order=1, dim=2)
 
     def conduction(self, k: Conductivity = ()) -> sp.csr_array:
-        """∫k∇φ_i·∇φ_j, (n, n), dimensionless; k = 1 if none is given."""
-        (starts, columns), n = self.products()[0], self.mesh.n_points
-        pairs = ((value, self.products(where)[1]) for where, value in k or (((), 1.0),))
-        entries = sum(value * (G[0, 0] + G[1, 1]) for value, G in pairs)
+        """Return ∫k∇φ_i·∇φ_j (n, n), dimensionless; k = 1 by default."""
+        (starts, columns), _ = self.products()
+        n = self.mesh.n_points
+        entries: Any = 0
+        for where, value in k or (((), 1.0),):
+            _, G = self.products(where)
+            entries = entries + value * (G[0, 0] + G[1, 1])
         return sp.csr_array((entries, columns, starts), shape=(n, n))
 
     def stiffness_of(self, moduli: Moduli, frames: Frames | None = None) -> sp.csr_array:
-        """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR
-        in local rows."""
+        """Return a(φ_i, φ_j) (2n, 2n) in x and y, or RᵀAR in local rows [Pa].
+
+        a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j)
+        """
         graph, whole = self.products()
         A = np.empty_like(whole)
         for number, (where, lam, mu) in enumerate(moduli):
-            G, part = self.products(where)[1], A if number == 0 else np.empty_like(A)
+            _, G = self.products(where)
+            part = A if number == 0 else np.empty_like(A)
             for c, d in ((0, 1), (1, 0)):
                 part[c, c] = (lam + 2.0 * mu) * G[c, c] + mu * G[d, d]
                 part[c, d] = lam * G[c, d] + mu * G[d, c]
@@ -462,18 +501,22 @@ class ElasticForms:
         return _matrix(graph, A, frames)
 
     def expansion(self, theta: Array, where: Where = ()) -> Array:
-        """∫θ div φ_i over some regions for nodal values θ (n,): (2n,) [K m]; the load is β times
-        that."""
-        mesh, whole = self.mesh, self.mesh.area * theta[self.mesh.triangles].mean(axis=1)
-        pulled = (whole * mesh.inside(where) if where else whole)[:, None, None] * mesh.slopes
+        """Return ∫θ div φ_i (2n,) of nodal values θ (n,) [K m]; the load is β times that.
+
+        where: regions over which to integrate, () for the whole body
+        """
+        mesh = self.mesh
+        integral = mesh.area * theta[mesh.triangles].mean(axis=1)
+        if where:
+            integral = integral * mesh.inside(where)
+        entries = integral[:, None, None] * mesh.slopes
         corners = mesh.triangles.ravel()
         return np.concatenate(
-            [np.bincount(corners, pulled[..., c].ravel(), mesh.n_points) for c in (0, 1)]
+            [np.bincount(corners, entries[..., c].ravel(), mesh.n_points) for c in (0, 1)]
         )
 
     def springs(self, springs: Springs, frames: Frames | None = None) -> sp.csr_array:
-        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) [Pa], in x and y or in local
-        rows."""
+        """Return Σ_Γ ∫k_N u_N v_N + k_T u_T v_T (2n, 2n) in x and y, or in local rows [Pa]."""
         u, v = self._space.TnT()
         n = ngs.specialcf.normal(2)
         t = ngs.CF((-n[1], n[0]))
@@ -513,7 +556,7 @@ def traction_load(
 
 
 def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Array:
-    """∫_ω q φ_i, (n,); an empty omega means the whole body."""
+    """Return ∫_ω q φ_i (n,); an empty omega means the whole body."""
     inside = mesh.inside(omega)
     return _load(mesh, density, mesh.triangles[inside], 2.0 * mesh.area[inside], ngs.TRIG)
 
@@ -521,8 +564,10 @@ def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Arr
 def _load(
     mesh: PlaneMesh, density: Scalar, nodes: NDArray[np.intp], size: Array, kind: Any
 ) -> Array:
-    """∫ q φ_i over segments or triangles with these nodes (e, k) and sizes over that of the unit
-    one (e,)."""
+    """Return ∫ q φ_i (n,) over segments or triangles.
+
+    nodes: (e, k);  size: (e,) relative to the reference segment or triangle
+    """
     rule = ngs.IntegrationRule(kind, DEGREES[kind] if isinstance(density, Expression) else 1)
     corners, parts = mesh.points[nodes], np.zeros(nodes.shape)
     for at, weight in zip(rule.points, rule.weights, strict=True):
@@ -532,24 +577,23 @@ def _load(
 
 
 def _blocks(form: Any) -> tuple[NodeGraph, Array]:
-    """The pattern and the blocks (2, 2, nnz) of an assembled form of vectors."""
+    """Return the pattern and the blocks (2, 2, nnz) of an assembled form of vectors."""
     values, columns, starts = form.mat.CSR()  # views, which die with the form
-    graph = (
-        np.array(np.asarray(starts).view(np.int64), dtype=np.int32),
-        np.array(columns, dtype=np.int32),
-    )
-    return graph, np.array(np.asarray(values).reshape(-1, 2, 2).transpose(1, 2, 0), order="C")
+    row_starts = np.array(np.asarray(starts).view(np.int64), dtype=np.int32)
+    blocks = np.asarray(values).reshape(-1, 2, 2).transpose(1, 2, 0)
+    return (row_starts, np.array(columns, dtype=np.int32)), np.array(blocks, order="C")
 
 
 def _matrix(graph: NodeGraph, A: Array, frames: Frames | None) -> sp.csr_array:
-    """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x,
-    then y columns.
+    """Return the matrix of blocks A (2, 2, nnz), numbered by x of all nodes, then y.
 
-    With frames A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in.
+    With frames A_ij ← R_iᵀ A_ij R_j, in place, on the entries of nodes with turned axes.
     """
-    (starts, columns), n = graph, len(graph[0]) - 1
+    starts, columns = graph
+    n = len(starts) - 1
     if frames is not None:
-        axes, rows = frames.axes, np.repeat(np.arange(n), np.diff(starts))
+        axes = frames.axes
+        rows = np.repeat(np.arange(n), np.diff(starts))
         turned = (axes != np.eye(2)).any(axis=(1, 2))
         entries = np.flatnonzero(turned[rows] | turned[columns])
         left, right = axes[rows[entries]], axes[columns[entries]]

@@ -50,8 +50,8 @@ Indices = NDArray[np.intp]
 
 
 class BoundaryEdges(NamedTuple):
-    """Of the s boundary segments, chords on arcs: length (s,), outer normal (s, 2), Gauss points
-    (s, 2, 2)."""
+    """Length (s,), outer normal (s, 2) and Gauss points (s, 2, 2) of boundary segments, chords on
+    arcs."""
 
     length: Array
     normal: Array
@@ -78,45 +78,47 @@ class PlaneMesh(TriangleGeometry):
 
     @property
     def n_points(self) -> int:
+        """Return the number of nodes."""
         return len(self.points)
 
     @property
     def h_max(self) -> float:
-        """Longest edge [m]."""
+        """Return the longest edge [m]."""
         return float(np.max(self.diameter))
 
     def region(self, *names: str) -> str:
-        """NGSolve pattern of the boundary curves that the study edges `names` consist of."""
+        """Return the NGSolve pattern of the boundary curves of the study edges `names`."""
         return "|".join(
             f"c{i}" for i, curve in enumerate(self.geometry.curves) if curve.name in names
         )
 
     def on(self, *names: str) -> NDArray[np.bool_]:
-        """(s,) boundary segments on the study edges of these names."""
-        return np.array([curve.name in names for curve in self.geometry.curves])[self.segment_curve]
+        """Return the boundary segments (s,) on the study edges of these names."""
+        has_name = np.array([curve.name in names for curve in self.geometry.curves])
+        return has_name[self.segment_curve]
 
     def nodes_on(self, *names: str) -> Indices:
-        """Nodes on the closure of the study edges of these names, ascending."""
+        """Return the nodes on the closure of the study edges of these names, ascending."""
         return np.unique(self.segments[self.on(*names)])
 
     def inside(self, where: Where) -> NDArray[np.bool_]:
-        """(t,) triangles in some regions."""
+        """Return the triangles (t,) in regions, all for none."""
         inside = np.array([not where or name in where for name in self.mesh.GetMaterials()])
         return inside[self.mesh.ngmesh.Elements2D().NumPy()["index"] - 1]
 
     def numbered(self, regions: Where) -> Indices:
-        """(t,) which of some regions a triangle lies in, counted from 1; 0 outside of all."""
-        return sum(
-            (i * self.inside((name,)) for i, name in enumerate(regions, 1)),
-            np.zeros(len(self.triangles), int),
-        )
+        """Return the number (t,) of the region of each triangle, from 1; 0 outside of all."""
+        number = np.zeros(len(self.triangles), int)
+        for i, name in enumerate(regions, 1):
+            number = number + i * self.inside((name,))
+        return number
 
     def of_material(self, scene: Scene, name: str) -> Array:
-        """(t,) a number of the material of each triangle, 0 where it is not given."""
-        found = np.zeros(len(self.triangles))
+        """Return a number of the material of each triangle (t,), 0 where it is not given."""
+        values = np.zeros(len(self.triangles))
         for where, material in scene.pieces:
-            found[self.inside(where)] = getattr(material, name) or 0.0
-        return found
+            values[self.inside(where)] = getattr(material, name) or 0.0
+        return values
 
     @cached_property
     def boundary(self) -> BoundaryEdges:
@@ -124,37 +126,36 @@ class PlaneMesh(TriangleGeometry):
         along = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(along, axis=1)
         normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-        return BoundaryEdges(
-            length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None]
-        )
+        at = ends[:, None, 0] + GAUSS[None, :, None] * along[:, None]
+        return BoundaryEdges(length, normal, at)
 
     @cached_property
     def end_normals(self) -> Array:
-        """(s, 2, 2) outward unit normals of the exact curves at both ends of every boundary
-        segment."""
-        found = np.empty((len(self.segments), 2, 2))
+        """Return the outward unit normals (s, 2, 2) of the exact curves at the ends of segments."""
+        normals = np.empty((len(self.segments), 2, 2))
         for i, curve in enumerate(self.geometry.curves):
-            own = self.segment_curve == i
-            nodes, place = np.unique(self.segments[own], return_inverse=True)
-            found[own] = curve.normal(self.points[nodes])[place.reshape(-1, 2)]
-        return found * np.sign(np.einsum("sed,sd->se", found, self.boundary.normal))[..., None]
+            on_curve = self.segment_curve == i
+            nodes, node_of_end = np.unique(self.segments[on_curve], return_inverse=True)
+            normals[on_curve] = curve.normal(self.points[nodes])[node_of_end.reshape(-1, 2)]
+        sign = np.sign(np.einsum("sed,sd->se", normals, self.boundary.normal))
+        return normals * sign[..., None]
 
     @cached_property
     def owner(self) -> Indices:
-        """(s,) the triangle at each boundary segment."""
+        """Return the triangle (s,) at each boundary segment."""
         return self.sides_at(self.segments) // 3
 
     def from_segments(self, values: Array, which: Indices | slice = slice(None)) -> Array:
-        """(t,) sums of values on some boundary segments, all without `which`, over those of each
-        triangle."""
-        return np.asarray(
-            np.bincount(self.owner[which], values, minlength=len(self.triangles)), dtype=float
-        )
+        """Return sums (t,) of values on boundary segments over those of each triangle.
+
+        which: the segments, by default all
+        """
+        sums = np.bincount(self.owner[which], values, minlength=len(self.triangles))
+        return np.asarray(sums, dtype=float)
 
     @cached_property
     def inner_points(self) -> Array:
-        """(t, 3, 2) points of a quadrature that is exact for degree 2, with a third of the area
-        each [m]."""
+        """Return points (t, 3, 2) of a quadrature of degree 2, with equal weights [m]."""
         return np.einsum("qk,tkd->tqd", INNER, self.corners)
 
     @cached_property
@@ -164,7 +165,7 @@ class PlaneMesh(TriangleGeometry):
 
 
 EDGES = ("boundary",)
-"""Where a study says what is wrong with its edges."""
+"""Key of the study for faults of edges."""
 SMOOTH = 1e-6
 """Sine of the angle below which two directions at a node are one (a smooth junction of curves)."""
 
@@ -187,39 +188,38 @@ class Frames:
 
     @property
     def n_dof(self) -> int:
-        """Number of displacement unknowns."""
+        """Return the number of degrees of freedom."""
         return int(np.count_nonzero(~self.fixed))
 
     def local(self, F: Array) -> Array:
-        """RᵀF, or TᵀRᵀF: a global load in local rows."""
+        """Return a load F in x and y in local rows: RᵀF, or TᵀRᵀF."""
         rows = self.rows(F)
         return rows if self.ties is None else self.ties.T @ rows
 
     def rows(self, u: Array) -> Array:
-        """Rᵀu: displacements in x and y, rigid edges and all, in local rows."""
+        """Return displacements in x and y in local rows, those of rigid edges included: Rᵀu."""
         return np.einsum("ncd,cn->dn", self.axes, u.reshape(2, -1)).ravel()
 
     def cartesian(self, w: Array) -> Array:
-        """R w, or R T w: local displacements in x and y."""
+        """Return local displacements in x and y: R w, or R T w."""
         rows = w if self.ties is None else self.ties @ w
         return np.einsum("ncd,dn->cn", self.axes, rows.reshape(2, -1)).ravel()
 
 
 def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh | None) -> PlaneMesh:
-    """The mesh of one level; `coarser` is the one before, which nested levels are refined from.
+    """Return the mesh of one level, refined from the coarser one if levels are nested.
 
     Raises GeometryFailed if the mesher fails or its mesh is not the body.
     """
     if coarser is not None and plan.nested:
         return refine(coarser)
     start, maxh = time.perf_counter(), plan.maxh[level]
-    try:  # so many uniform refinements, new nodes put on arcs, of a mesh that is coarser
-        made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(
-            maxh=maxh * 2**plan.refine / geometry.unit
-        )
+    first_maxh = maxh * 2**plan.refine / geometry.unit
+    try:  # uniform refinements of a coarser mesh, which put new nodes on arcs
+        ngmesh = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=first_maxh)
         for _ in range(plan.refine):
-            made.Refine()
-        mesh = ngs.Mesh(made)
+            ngmesh.Refine()
+        mesh = ngs.Mesh(ngmesh)
     except Exception as error:
         raise GeometryFailed(
             f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh"
@@ -228,10 +228,10 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
 
 
 def refine(coarser: PlaneMesh, marked: NDArray[np.bool_] | None = None) -> PlaneMesh:
-    """The next level: four congruent children of every triangle, or the marked ones (t,) bisected;
-    new nodes on arcs.
+    """Return the next level, with new nodes on arcs.
 
-    Raises GeometryFailed if it is not the body.
+    Every triangle is cut into four congruent ones, or the marked ones (t,) are bisected.
+    Raises GeometryFailed if the mesh is not the body.
     """
     start, finer = time.perf_counter(), coarser.mesh.ngmesh.Copy()  # the coarse mesh stays usable
     if marked is None:
@@ -245,11 +245,10 @@ def refine(coarser: PlaneMesh, marked: NDArray[np.bool_] | None = None) -> Plane
 
 @cache
 def triangles_a_second() -> float:
-    """Triangles that Netgen makes in a second of this processor, timed once on SAMPLE of them (an
-    eighth of a second).
+    """Return how many triangles Netgen makes per second, timed once on about SAMPLE of them.
 
-    Of a hundred times as many it makes a quarter fewer in a second; refining makes a hundred times
-    more.
+    The timing takes an eighth of a second. A mesh with a hundred times as many triangles has a rate
+    a quarter lower; refinement is a hundred times as fast.
     """
     square = OCCGeometry(WorkPlane().Rectangle(1.0, 1.0).Face(), dim=2)
     start = time.process_time()
@@ -258,6 +257,7 @@ def triangles_a_second() -> float:
 
 
 SAMPLE = 1000
+"""Triangles of the timed mesh."""
 
 
 def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMesh:
@@ -277,15 +277,12 @@ def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMe
     if np.any(twice == 0.0):
         raise GeometryFailed("the mesh has a triangle without area; try a smaller maxh")
     triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    own = TriangleGeometry(points, triangles)
-    segments = np.where(
-        (own.sides_at(segments) >= 0)[:, None], segments, segments[:, ::-1]
-    )  # the body on their left
-    # bad geometry can mesh into something else
-    chords, curve = (
-        np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1),
-        curve[outer],
-    )
+    # the body is on the left of a segment
+    is_side = TriangleGeometry(points, triangles).sides_at(segments) >= 0
+    segments = np.where(is_side[:, None], segments, segments[:, ::-1])
+    # a bad geometry can give a mesh of another body
+    chords = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
+    curve = curve[outer]
     slack, area = 1e-9 * geometry.area, 0.5 * float(np.abs(twice).sum())
     for i, exact in enumerate(geometry.curves):
         length = float(chords[curve == i].sum())
@@ -316,23 +313,30 @@ Boundary = tuple[tuple[str, Role], ...]
 
 
 def singular_points(geometry: Geometry, boundary: Boundary, grading: float) -> dict[Point, float]:
-    """Corners of the body where stresses may be infinite [m], each with μ of meshes with this
-    exponent there."""
-    roles, found = dict(boundary), dict[Point, float]()
-    for corner in (one for one in geometry.corners if not one.cut):
+    """Return the corners where stresses may be infinite [m], each with the exponent μ of meshes."""
+    roles, singular = dict(boundary), dict[Point, float]()
+    for corner in geometry.corners:
+        if corner.cut:
+            continue
         angle = math.fsum(angle for angle, _ in corner.wedges)
-        pair = {_support(roles[side.name]) for side in (corner.sides[0], corner.sides[-1])}
+        sides = corner.sides[0], corner.sides[-1]
+        supports = {_support(roles[side.name]) for side in sides}
         # the interior angle above which stresses between such edges may be infinite
-        critical = np.pi / 2 if pair & {"sliding", "contact"} else np.pi if len(pair) == 1 else 0.0
+        if supports & {"sliding", "contact"}:
+            critical = np.pi / 2
+        elif len(supports) == 1:
+            critical = np.pi
+        else:
+            critical = 0.0
         if angle > critical + SLACK:
-            found[corner.at] = grading
-        elif pair == {"contact", "free"}:
-            found[corner.at] = max(WEAK, grading)
-    return found
+            singular[corner.at] = grading
+        elif supports == {"contact", "free"}:
+            singular[corner.at] = max(WEAK, grading)
+    return singular
 
 
 def _support(role: Role) -> str:
-    """How an edge of this role is held."""
+    """Return the kind of support of an edge."""
     if isinstance(role, Contact):
         return "contact"
     free = sum(component is None for component in role.u) if isinstance(role, Clamped) else 2
@@ -342,8 +346,7 @@ def _support(role: Role) -> str:
 def graded_mesh(
     first: PlaneMesh, plan: MeshPlan, level: int, coarser: PlaneMesh | None, boundary: Boundary
 ) -> PlaneMesh:
-    """The mesh of one level: the coarser one refined uniformly, then bisected until no triangle is
-    too large.
+    """Return the coarser mesh refined uniformly, then bisected until no triangle is too large.
 
     first: the mesh of size maxh, without grading;  coarser: the graded mesh of the level before
     Raises GeometryFailed if the mesher fails.
@@ -363,18 +366,20 @@ def graded_mesh(
 
 
 def graded_points(study: Study) -> dict[Point, float]:
-    """Places that the meshes of a graded study are graded towards, each with its μ. Raises
-    GeometryFailed."""
+    """Return the points towards which a study's meshes are graded, each with its μ.
+
+    Raises GeometryFailed.
+    """
+    if study.mesh.strategy is not GRADED:
+        return {}
     scene = study.scenes[0]
-    graded = study.mesh.strategy is GRADED
-    return singular_points(build(scene.body), scene.boundary, study.mesh.grading) if graded else {}
+    return singular_points(build(scene.body), scene.boundary, study.mesh.grading)
 
 
 class Meshes:
-    """The meshes of a study, one after the other, as far as they follow from the body and not from
-    solutions.
+    """The meshes of a study in order, as far as they follow from the body and not from solutions.
 
-    geometry: the body;  mesh: the one made last. Of an adaptive family the first mesh is made.
+    geometry: the body;  mesh: the latest mesh. Of an adaptive family the first mesh is made.
     """
 
     def __init__(self, study: Study) -> None:
@@ -390,8 +395,10 @@ class Meshes:
         self._first: PlaneMesh | None = None
 
     def next(self, level: int) -> PlaneMesh:
-        """The mesh of a level, after those of all levels before. Raises GeometryFailed if the
-        mesher fails."""
+        """Return the mesh of a level, after those of all levels before.
+
+        Raises GeometryFailed if the mesher fails.
+        """
         if self._plan.strategy is GRADED:
             self._first = self._first or mesh_at(self.geometry, self._plan, 0, None)
             self.mesh = graded_mesh(self._first, self._plan, level, self.mesh, self._boundary)

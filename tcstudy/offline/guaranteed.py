@@ -225,7 +225,7 @@ class Elements:
         if mode == "reduced":
             Q, R = np.linalg.qr(samples, mode="reduced")
         else:
-            R = np.linalg.qr(samples, mode="r")
+            R = np.asarray(np.linalg.qr(samples, mode="r"))
         return np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2)), Q
 
     @property
