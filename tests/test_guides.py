@@ -52,11 +52,13 @@ def test_every_study_is_in_the_index() -> None:
     assert {*told} == {path.name for path in CONFIGS.glob("*.yaml")}
 
 
+HOWTO = tuple(f"configs/howto/{path.name}" for path in sorted((CONFIGS / "howto").glob("*.md")))
 GUIDES = (
     "README.md",
     "configs/README.md",
     "configs/reference.md",
     "configs/tutorial.md",
+    *HOWTO,
     "results/commands.md",
     "results/README.md",
     "tcstudy/README.md",
@@ -109,7 +111,7 @@ def test_the_first_page_is_short_and_runs_in_python(
     assert names["result"]["status"].size == 72  # type: ignore[index]
 
 
-@pytest.mark.parametrize("name", ["README.md", "configs/tutorial.md"])
+@pytest.mark.parametrize("name", ["README.md", "configs/tutorial.md", *HOWTO])
 def test_guides_show_what_the_commands_print(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,7 +123,10 @@ def test_guides_show_what_the_commands_print(
     )
 
 
-PLAIN = {"README.md": 950, "configs/tutorial.md": 1800, "results/commands.md": 1800}
+PLAIN = {
+    "README.md": 950,
+    **dict.fromkeys(("configs/tutorial.md", "results/commands.md", *HOWTO), 1800),
+}
 """Most words of the pages in plain sentences."""
 LONGEST_SENTENCE, LONGEST_PARAGRAPH, LONGEST_CELL = 25, 90, 30
 

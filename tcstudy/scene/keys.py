@@ -226,7 +226,7 @@ ROWS: tuple[Key, ...] = (
         "[what varies](#sweeps): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`",
     ),
     key("exact", "section", "the exact solution, if you know it"),
-    key("path", "section", "[equilibria on the branch from rest](#equilibria-along-a-parameter)"),
+    key("path", "section", "[equilibria on the branch from rest](howto/paths.md)"),
     key("output", "section", "a path, or its keys", short="path"),
     key("body.outline", "sections", "a list of its edges in their order around the body", least=2),
     key("body.rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
@@ -561,7 +561,7 @@ ROWS: tuple[Key, ...] = (
         if names != ENDS
         for name in names
     ),
-    key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
+    key("fit", "section", "[numbers of the study from measurements](howto/fits.md)"),
     needed("fit.data", "section", "a table of measurements", of=("fit_data",)),
     key(
         "fit.noise",
@@ -703,7 +703,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "history",
         "section",
-        "[loads one after the other, friction that remembers](#load-histories)",
+        "[loads one after the other, friction that remembers](howto/histories.md)",
     ),
     needed(
         "history.memory",
