@@ -1,11 +1,9 @@
-"""Rates of convergence with their uncertainty, the settings that no other beats in cost and error
-together, and the order to expect of each error from how smooth the solution is.
+"""Observed orders of convergence, expected orders, and settings that are not dominated.
 
-Rate between levels:  r_i = log(e_{i−1}/e_i) / log(h_{i−1}/h_i)
-Slope:                least squares of log e over log h, with its standard error, on the asymptotic levels: the longest
-                      run up to the finest over which rates differ by at most SETTLED; on all, and
-                      marked as not
-                      settled, if no two rates agree
+Order between levels: r_i = log(e_{i−1}/e_i) / log(h_{i−1}/h_i)
+Fitted order:         least squares of log e over log h, with its standard error, on the asymptotic
+                      levels: the longest run up to the finest over which rates differ by at most
+                      SETTLED; on all levels, and marked as not settled, if no two rates agree
 
 Expected, with u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of
 Γ_C (uniform meshes, P1; on meshes graded like h r^(1−μ) towards a point its exponents, with what is
@@ -26,13 +24,14 @@ maximum norm P1 is of order h² |log h| and no better (R. Haverkamp, SIAM J. Num
 489–496). Points of Γ_C:
 
     sticking corner:  γ = α of the corner, δ = γ − 1
-    slipping corner:  γ = 1 at most (u ~ r log r: the friction stress meets an edge with another shear stress), and
-                      δ = γ, because ξ = b(u_T)
-    stick meets slip: γ = 3/2, δ = 1/2; the r^{1/2} term of the mixed problem would break the bound of the law
-    held end:         a node of Γ_C without an unknown gives its half cell to its neighbour (method §2), whose c is then
-                      3/2 h for a load ∫φ = h: γ = δ = 1 where that neighbour slips, and where it
-                      sticks ξ is off by a
-                      third of itself, δ = 0. This is of the discretisation, whatever the solution
+    slipping corner:  γ = 1 at most (u ~ r log r: the friction stress meets an edge with another
+                      shear stress), and δ = γ, because ξ = b(u_T)
+    stick meets slip: γ = 3/2, δ = 1/2; the r^{1/2} term of the mixed problem would break the bound
+                      of the law
+    constrained end:  a node of Γ_C without an unknown gives its half cell to its neighbour (method
+                      §2), whose c is then 3/2 h for a load ∫φ = h: γ = δ = 1 where that neighbour
+                      slips, and where it sticks ξ is off by a third of itself, δ = 0. This is of
+                      the discretisation, whatever the solution
 """
 
 from __future__ import annotations
@@ -52,11 +51,12 @@ Array = NDArray[np.float64]
 SETTLED = 0.2
 """Rates that differ by no more than this belong to one asymptotic range."""
 ROUNDING = 1e-11
-"""Relative error below which a solution is called exact: what is left is rounding and has no
-rate."""
+"""Relative error below which a solution counts as exact: the rest is rounding and has no order."""
 CONDITION = 64.0
-"""Condition of a stiffness matrix over (size of the body/h)²: rounding grows like it. On patch
-tests, whose errors are nothing else, errors come to 0.01 to 12 of it."""
+"""Condition of a stiffness matrix over (size of the body/h)²: rounding grows like it.
+
+On patch tests, whose errors are nothing else, errors come to 0.01 to 12 of it.
+"""
 NAN = float("nan")
 
 
@@ -64,10 +64,11 @@ NAN = float("nan")
 class Fit:
     """The convergence of one error.
 
-    rate:        (levels,) from the level before; NaN where there is none
-    slope:       least-squares order from `first_level` on; NaN with fewer than two levels
+    rate:        (levels,) order from the level before; NaN where there is none
+    slope:       fitted order from `first_level` on; NaN with fewer than two levels
     slope_error: its standard error; NaN with fewer than three levels
-    first_level: the first asymptotic level, the first level at all if not settled; −1 if there is none
+    first_level: the first asymptotic level, the first level at all if not settled; −1 if there is
+                 none
     settled:     at least two rates agree; otherwise the levels are pre-asymptotic or too few
     exact:       the error is rounding on all levels
     """
@@ -81,50 +82,59 @@ class Fit:
 
 
 def rounding_level(h: Array, tolerance: float = 0.0) -> Array:
-    """(levels,) relative error that may be rounding, h being over the size of the body; `tolerance`
-    at least."""
-    return np.asarray(np.maximum(max(ROUNDING, tolerance), CONDITION * np.finfo(float).eps / h**2))
+    """Return (levels,) relative error that may be rounding, `tolerance` at least.
+
+    h: (levels,) relative to the size of the body
+    """
+    of_matrix = CONDITION * np.finfo(float).eps / h**2
+    return np.asarray(np.maximum(max(ROUNDING, tolerance), of_matrix))
 
 
 def fit(
     h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | float = ROUNDING
 ) -> Fit:
-    """Rates and slope of relative errors (levels,) on meshes of size h, from the usable levels
-    alone.
+    """Return rates and slope of relative errors (levels,) on meshes of size h.
 
+    usable:   (levels,) levels that count
     rounding: error (levels,) at which rates end, for example the tolerance of the solver
     """
-    good = usable & np.isfinite(error)
+    is_good = usable & np.isfinite(error)
     rates = np.full(len(h), NAN)
-    if not good.any():
+    if not is_good.any():
         return Fit(rates, NAN, NAN, -1, False, False)
-    if np.all((error <= rounding)[good]):
-        return Fit(rates, NAN, NAN, int(np.flatnonzero(good)[0]), True, True)
-    good &= error > rounding
-    levels = np.flatnonzero(good)
+    if np.all((error <= rounding)[is_good]):
+        return Fit(rates, NAN, NAN, int(np.flatnonzero(is_good)[0]), True, True)
+    is_good &= error > rounding
+    levels = np.flatnonzero(is_good)
     for before, level in itertools.pairwise(levels):
         rates[level] = np.log(error[before] / error[level]) / np.log(h[before] / h[level])
-    start = max(
-        0, len(levels) - 2
-    )  # the finest levels whose rates lie within SETTLED of each other, two at least
+    # the finest levels whose rates lie within SETTLED of each other, at least two levels
+    start = max(0, len(levels) - 2)
     while start > 0 and np.ptp(rates[levels[start:]]) <= SETTLED:
         start -= 1
     settled = len(levels) - start >= 3
-    run = levels[start:] if settled else levels
-    slope, standard_error = _slope(np.log(h[run]), np.log(error[run]))
-    return Fit(rates, slope, standard_error, int(run[0]) if len(run) else -1, settled, False)
+    fitted_levels = levels[start:] if settled else levels
+    slope, slope_error = _slope(np.log(h[fitted_levels]), np.log(error[fitted_levels]))
+    first_level = int(fitted_levels[0]) if len(fitted_levels) else -1
+    return Fit(rates, slope, slope_error, first_level, settled, False)
 
 
 def log_share(h: Array) -> float:
-    """By how much the slope of h² (1 + log(1/h)) stays below 2; h: (levels,) over the size of the
-    body."""
-    return -_slope(np.log(h), np.log1p(-np.log(h)))[0] if len(h) > 1 else 0.0
+    """Return by how much the slope of h² (1 + log(1/h)) stays below 2.
+
+    h: (levels,) relative to the size of the body
+    """
+    if len(h) <= 1:
+        return 0.0
+    return -_slope(np.log(h), np.log1p(-np.log(h)))[0]
 
 
 def _slope(x: Array, y: Array) -> tuple[float, float]:
-    """Slope of the least-squares line and its standard error."""
-    if len(x) < 3:
-        return (float(np.diff(y)[0] / np.diff(x)[0]) if len(x) == 2 else NAN), NAN
+    """Return the slope of the least-squares line and its standard error."""
+    if len(x) < 2:
+        return NAN, NAN
+    if len(x) == 2:
+        return float(np.diff(y)[0] / np.diff(x)[0]), NAN
     (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
     return float(slope), float(np.sqrt(covariance[0, 0]))
 
@@ -149,22 +159,27 @@ def equal_settings(sizes: Array, error: Array) -> NDArray[np.intp]:
 
 
 def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
-    """(n,) points for which another costs and errs no more, but for TIED, and less in one of the
-    two; all with NaN."""
-    known = np.isfinite(cost) & np.isfinite(error)
-    out = np.ones(len(cost), dtype=bool)
-    for i in np.flatnonzero(known):
-        no_worse = known & (cost <= cost[i]) & (error <= error[i] * (1.0 + TIED))
-        out[i] = bool((no_worse & ((cost < cost[i]) | (error < error[i] * (1.0 - TIED)))).any())
-    return out
+    """Return (n,) points that are not on the Pareto front; all with NaN.
+
+    Another point costs and errs no more, but for TIED, and less in one of the two.
+    """
+    is_known = np.isfinite(cost) & np.isfinite(error)
+    is_dominated = np.ones(len(cost), dtype=bool)
+    for i in np.flatnonzero(is_known):
+        is_no_worse = is_known & (cost <= cost[i]) & (error <= error[i] * (1.0 + TIED))
+        is_better = (cost < cost[i]) | (error < error[i] * (1.0 - TIED))
+        is_dominated[i] = bool((is_no_worse & is_better).any())
+    return is_dominated
 
 
 @dataclass(frozen=True)
 class Singularity:
-    """The leading exponent at a place, and the place in words. An exponent of SMOOTH sets no limit.
+    """The leading exponent at a place, and the place in words.
+
+    An exponent of SMOOTH sets no limit.
 
     mu: grading of the meshes there, h(r) ~ h r^(1−μ); in r^μ, of which a graded mesh is uniform,
-    r^α is of exponent α/μ
+        r^α is of exponent α/μ
     """
 
     exponent: float
@@ -172,22 +187,30 @@ class Singularity:
     mu: float = 1.0
 
     def order(self, times: float = 1.0, plus: float = 0.0) -> Singularity:
-        """What limits an order at times·α + plus on uniform meshes, as a limit of the order in h
-        itself."""
-        reached = (times * self.exponent + plus) / self.mu if self.exponent < SMOOTH else SMOOTH
-        return Singularity(
-            reached, self.why if self.mu == 1.0 else f"{self.why}, graded with mu = {self.mu:g}"
-        )
+        """Return what limits an order at times·α + plus on uniform meshes, as a limit in h."""
+        limit = SMOOTH
+        if self.exponent < SMOOTH:
+            limit = (times * self.exponent + plus) / self.mu
+        why = self.why
+        if self.mu != 1.0:
+            why = f"{self.why}, graded with mu = {self.mu:g}"
+        return Singularity(limit, why)
 
 
 Smoothness = dict[str, list[Singularity]]
-"""What limits u in the body, u_T and ξ on Γ_C, and θ: `body`, `u_T`, `xi`, `theta`; `load`: θ as
-far as it loads the body."""
+"""Limits of u in the body, u_T and ξ on Γ_C, and θ: `body`, `u_T`, `xi`, `theta`.
+
+`load` has those of θ as far as it loads the body.
+"""
 
 
 @dataclass(frozen=True)
 class Expected:
-    """An order with its reason; log: up to a factor 1 + |log h|;  analysed: all that could lower it was looked at."""
+    """An expected order with its reason.
+
+    log:      up to a factor 1 + |log h|
+    analysed: all places that could lower it were looked at
+    """
 
     order: float
     reason: str
@@ -202,21 +225,26 @@ NOT_ANALYSED = "corners not analysed"
 def smooth_up_to(
     exponent: float | None, slip: bool = False, stick: bool = False, front: bool = False
 ) -> Smoothness:
-    """Smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1); None if it is smooth.
+    """Return the smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1).
 
+    exponent:    None if the solution is smooth
     slip, stick: Γ_C has nodes without an unknown whose neighbours slip, or stick, under a notable ξ
     front:       stick meets slip somewhere on Γ_C, where ξ has a kink at least
     """
-    u_T, xi, body = list[Singularity](), list[Singularity](), list[Singularity]()
+    body: list[Singularity] = []
+    u_T: list[Singularity] = []
+    xi: list[Singularity] = []
     if exponent is not None:
         why = f"given: u ~ r^{exponent:g}"
-        body, xi = [Singularity(exponent, why)], [Singularity(exponent - 1, why)]
-        u_T += body
+        body.append(Singularity(exponent, why))
+        u_T.append(Singularity(exponent, why))
+        xi.append(Singularity(exponent - 1, why))
     if front:
         xi.append(Singularity(1.0, "stick meets slip on Γ_C, where ξ has a kink"))
     if slip:
-        u_T.append(Singularity(1.0, "held end of Γ_C, whose half cell goes to a slipping node"))
-        xi.append(u_T[-1])
+        end = Singularity(1.0, "held end of Γ_C, whose half cell goes to a slipping node")
+        u_T.append(end)
+        xi.append(end)
     if stick:
         xi.append(Singularity(0.0, "held end of Γ_C, whose half cell goes to a sticking node"))
     return {"body": body, "u_T": u_T, "xi": xi}
@@ -225,84 +253,97 @@ def smooth_up_to(
 def smoothness(
     corners: Sequence[Vertex], stick_slip: bool, grading: Sequence[float] = (), loads: bool = False
 ) -> Smoothness:
-    """Smoothness of a computed solution.
+    """Return the smoothness of a computed solution.
 
     stick_slip: stick meets slip somewhere inside Γ_C
     grading:    μ of the meshes at every corner, 1 where they are not graded; by default everywhere
     loads:      temperature loads the body
     """
-    found: Smoothness = {name: [] for name in ("body", "theta", "u_T", "xi")}
-    for v, mu in zip(corners, grading or [1.0] * len(corners), strict=True):
-        if math.isnan(v.exponent):
+    limits: Smoothness = {name: [] for name in ("body", "theta", "u_T", "xi")}
+    for corner, mu in zip(corners, grading or [1.0] * len(corners), strict=True):
+        if math.isnan(corner.exponent):
             continue
-        where = corner_words(v)
-        own = [Singularity(v.exponent, f"{where}: u ~ r^{v.exponent:.3f}", mu)]
-        if v.heat < 1.0:
-            found["theta"].append(Singularity(v.heat, f"{where}: θ ~ r^{v.heat:.3f}", mu))
-            own += [Singularity(1.0 + v.heat, found["theta"][-1].why, mu)] if loads else []
-        worst = _worst(own)
-        found["body"].append(worst)
-        if "sticking contact" in v.words:
-            found["u_T"].append(worst)
-            found["xi"].append(
-                worst if worst.exponent == SMOOTH else replace(worst, exponent=worst.exponent - 1.0)
-            )
-        elif v.steps:
-            why = (
-                worst.why if worst.exponent < 1 else f"{where}: shear stress may jump, u ~ r log r"
-            )
-            found["u_T"].append(Singularity(min(1.0, worst.exponent), why, mu))
-            found["xi"].append(found["u_T"][-1])
+        place = corner_words(corner)
+        of_corner = [Singularity(corner.exponent, f"{place}: u ~ r^{corner.exponent:.3f}", mu)]
+        if corner.heat < 1.0:
+            why = f"{place}: θ ~ r^{corner.heat:.3f}"
+            limits["theta"].append(Singularity(corner.heat, why, mu))
+            if loads:
+                of_corner.append(Singularity(1.0 + corner.heat, why, mu))
+        worst = _worst(of_corner)
+        limits["body"].append(worst)
+        if "sticking contact" in corner.words:
+            limits["u_T"].append(worst)
+            if worst.exponent == SMOOTH:
+                limits["xi"].append(worst)
+            else:
+                limits["xi"].append(replace(worst, exponent=worst.exponent - 1.0))
+        elif corner.steps:
+            why = f"{place}: shear stress may jump, u ~ r log r"
+            if worst.exponent < 1:
+                why = worst.why
+            step = Singularity(min(1.0, worst.exponent), why, mu)
+            limits["u_T"].append(step)
+            limits["xi"].append(step)
     if stick_slip:
         why = "stick meets slip on Γ_C: u ~ r^1.5"
-        found["u_T"].append(Singularity(1.5, why))
-        found["xi"].append(Singularity(0.5, why))
-    return found | {"load": found["theta"] if loads else []}
+        limits["u_T"].append(Singularity(1.5, why))
+        limits["xi"].append(Singularity(0.5, why))
+    limits["load"] = limits["theta"] if loads else []
+    return limits
 
 
 def _worst(candidates: Sequence[Singularity]) -> Singularity:
-    limits = (c for c in candidates if c.exponent < SMOOTH)
-    return min(limits, key=lambda c: c.exponent / c.mu, default=NO_LIMIT)
+    """Return the singularity that limits orders most."""
+    limits = [candidate for candidate in candidates if candidate.exponent < SMOOTH]
+    return min(limits, key=lambda limit: limit.exponent / limit.mu, default=NO_LIMIT)
 
 
-def expected_orders(of: Smoothness, analysed: bool = True) -> dict[str, Expected]:
-    """Expected order by error name. analysed: all places were looked at; else the orders may be too
-    high"""
-    body, u_T, xi, theta, load = (
-        _worst(of.get(name, ())) for name in ("body", "u_T", "xi", "theta", "load")
-    )
-    twice, warm = body.order(2.0), load.order(2.0)
+def expected_orders(limits: Smoothness, analysed: bool = True) -> dict[str, Expected]:
+    """Return the expected order by error name.
+
+    analysed: all places were looked at; else the orders may be too high
+    """
+    body = _worst(limits.get("body", ()))
+    u_T = _worst(limits.get("u_T", ()))
+    xi = _worst(limits.get("xi", ()))
+    theta = _worst(limits.get("theta", ()))
+    warm = _worst(limits.get("load", ())).order(2.0)
+    twice = body.order(2.0)
     polluted = replace(twice, why=f"pollution 2α, {twice.why}")
     orders = {
-        "theta_L2": _least(2.0, theta.order(2.0)),
-        "theta_H1": _least(1.0, theta.order()),
-        "u_energy": _least(1.0, body.order(), warm),
-        "u_H1": _least(1.0, body.order(), warm),
-        "u_L2": _least(2.0, twice, warm),
-        "u_T_L2": _least(2.0, polluted, warm, u_T.order(plus=0.5)),
-        "u_T_max": _least(2.0, polluted, warm, u_T.order()),
-        "xi_L2": _least(1.0, polluted, warm, xi.order(plus=0.5)),
-        "xi_nodes": _least(2.0, polluted, warm, xi.order(plus=0.5)),
-        "xi_max": _least(2.0, polluted, warm, xi.order()),
+        "theta_L2": _lowest(2.0, theta.order(2.0)),
+        "theta_H1": _lowest(1.0, theta.order()),
+        "u_energy": _lowest(1.0, body.order(), warm),
+        "u_H1": _lowest(1.0, body.order(), warm),
+        "u_L2": _lowest(2.0, twice, warm),
+        "u_T_L2": _lowest(2.0, polluted, warm, u_T.order(plus=0.5)),
+        "u_T_max": _lowest(2.0, polluted, warm, u_T.order()),
+        "xi_L2": _lowest(1.0, polluted, warm, xi.order(plus=0.5)),
+        "xi_nodes": _lowest(2.0, polluted, warm, xi.order(plus=0.5)),
+        "xi_max": _lowest(2.0, polluted, warm, xi.order()),
     }
-    for name, found in orders.items():
-        if name.endswith("_max") and found.order == 2.0:
-            orders[name] = found = replace(found, reason=f"{found.reason}: h² |log h|", log=True)
+    for name, expected in orders.items():
+        if name.endswith("_max") and expected.order == 2.0:
+            reason = f"{expected.reason}: h² |log h|"
+            expected = replace(expected, reason=reason, log=True)
         if not analysed:  # places not looked at may lower the orders
-            smooth = found.reason.startswith(NO_LIMIT.why)
-            reason = NOT_ANALYSED if smooth else f"{found.reason}; {NOT_ANALYSED}"
-            orders[name] = replace(found, reason=reason, analysed=False)
+            reason = f"{expected.reason}; {NOT_ANALYSED}"
+            if expected.reason.startswith(NO_LIMIT.why):
+                reason = NOT_ANALYSED
+            expected = replace(expected, reason=reason, analysed=False)
+        orders[name] = expected
     return orders
 
 
-def _least(full: float, *limits: Singularity) -> Expected:
-    """The full order of P1, or what limits it."""
-    worst = min(limits, key=lambda s: s.exponent)
+def _lowest(full: float, *limits: Singularity) -> Expected:
+    """Return the full order of P1, or the lowest limit."""
+    worst = min(limits, key=lambda limit: limit.exponent)
     if worst.exponent < full - 1e-9:
         return Expected(worst.exponent, worst.why)
-    after = (
-        f" ({worst.why})" if "graded" in worst.why else ""
-    )  # a singular place that does not limit the order
-    return Expected(
-        full, "smooth" if worst.exponent >= SMOOTH else f"smooth enough for the full order{after}"
-    )
+    if worst.exponent >= SMOOTH:
+        return Expected(full, "smooth")
+    reason = "smooth enough for the full order"
+    if "graded" in worst.why:  # a singular place that does not limit the order
+        reason = f"{reason} ({worst.why})"
+    return Expected(full, reason)
