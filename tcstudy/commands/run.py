@@ -26,7 +26,7 @@ from tcstudy.commands.shared import (
 )
 
 if TYPE_CHECKING:
-    from tcstudy.data.files import Kind
+    from tcstudy.data.files import Kind, Snapshot
     from tcstudy.reports.terminal.progress import Progress
     from tcstudy.scene.study import Study
     from tcstudy.study.stored import Kept
@@ -77,18 +77,36 @@ def starter(study: Path) -> Path:
 
     if fault := shell_name(str(study)):
         fail(f"{study} {'; '.join(fault)}")
+    from tcstudy.data.files import Snapshot
+    from tcstudy.errors import StoreError
+
+    nothing = Snapshot(study, None)
+    if not nothing.is_there():
+        fail(f"{study}: is there already, and is kept; name another file")
     schema = study.parent / SCHEMA
+    text = STARTER.read_text(encoding="utf-8").replace("study.yaml", study.name)
     try:
         ours = not schema.exists() or TITLE in schema.read_text(encoding="utf-8", errors="replace")
-        with open(study, "x", encoding="utf-8") as file:
-            file.write(STARTER.read_text(encoding="utf-8").replace("study.yaml", study.name))
+        _put_text(study, text, nothing)
+    except (OSError, StoreError) as error:
+        fail(f"{study}: cannot be written ({error}); name another file")
+    try:
         if ours:
-            schema.write_text(schema_text(), encoding="utf-8")
-    except FileExistsError:
-        fail(f"{study}: is there already, and is kept; name another file")
-    except OSError as error:
-        fail(f"{study}: cannot be written ({error.strerror or error}); name another file")
+            _put_text(schema, schema_text())
+    except StoreError as error:
+        study.unlink()  # the two belong together
+        fail(str(error))
     return study
+
+
+def _put_text(path: Path, text: str, seen: Snapshot | None = None) -> None:
+    """Write a text file in one step; seen: as of `replace_file`. Raises StoreError."""
+    from tcstudy.data.files import replace_file
+
+    def write(aside: Path) -> None:
+        aside.write_text(text, encoding="utf-8")
+
+    replace_file(path, write, sealed=False, seen=seen)
 
 
 @command(

@@ -331,6 +331,7 @@ def replace_file(
         if _protected(path):
             raise PermissionError(errno.EACCES, PROTECTED, str(path))
         target.parent.mkdir(parents=True, exist_ok=True)
+        remove_stale(path)
         make(aside)
         if sealed:
             put_seal(aside)
@@ -353,9 +354,12 @@ def replace_file(
 def aside_of(path: Path) -> Path:
     """Where this process writes the file that is to take the place of `path`."""
     target = Path(os.path.realpath(path))
-    # processes of several machines may have one number
-    host = f"{zlib.crc32(platform.node().encode()):08x}"
-    return target.with_name(f".{target.name}.{host}-{os.getpid()}.tmp")
+    return target.with_name(f".{target.name}.{_host()}-{os.getpid()}.tmp")
+
+
+def _host() -> str:
+    """Return a word for this machine: processes of several machines may have one number."""
+    return f"{zlib.crc32(platform.node().encode()):08x}"
 
 
 def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
@@ -445,15 +449,34 @@ def special_file(path: Path) -> str:
 
 
 def remove_stale(path: Path, alone: bool = False) -> None:
-    """Remove what killed writers of `path` left aside: what has not grown for STALE seconds, or,
-    for the holder of the lock of `path`, all of it."""
+    """Remove what killed writers of `path` left aside.
+
+    That is what a process wrote that has ended on this machine, what has not grown for STALE
+    seconds, or, for the holder of the lock of `path`, all of it.
+    """
     target = Path(os.path.realpath(path))
-    left = re.compile(rf"\.{re.escape(target.name)}\.[0-9a-f]{{8}}-[0-9]{{1,10}}\.tmp")
+    left = re.compile(rf"\.{re.escape(target.name)}\.([0-9a-f]{{8}})-([0-9]{{1,10}})\.tmp")
     for name in os.listdir(target.parent) if target.parent.is_dir() else ():
+        if (parts := left.fullmatch(name)) is None:
+            continue
         stale = target.with_name(name)
         with suppress(OSError):
-            if left.fullmatch(name) and (alone or time.time() - stale.stat().st_mtime > STALE):
+            has_ended = parts[1] == _host() and _has_ended(int(parts[2]))
+            if alone or has_ended or time.time() - stale.stat().st_mtime > STALE:
                 stale.unlink()
+
+
+def _has_ended(process: int) -> bool:
+    """Return whether there is no process with this number on this machine."""
+    if os.name == "nt":  # where looking for a process by a signal would end it
+        return False
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return True
+    except PermissionError:
+        pass
+    return False
 
 
 def sync_directory(directory: Path) -> None:
@@ -501,7 +524,6 @@ def write_dataset(
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))
 
-    remove_stale(path)
     replace_file(path, make, kept, seen=seen)
 
 
