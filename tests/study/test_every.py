@@ -64,13 +64,15 @@ def test_limits_and_polygons_are_told_and_claim_nothing(tmp_path: Path) -> None:
     complete, count = few["complete"].values.ravel(), few["solutions"].values.ravel()
     assert set(complete) == {0, 1}
     assert np.all(count[complete == 1] == 1)
-    assert "all equilibria proved at 1 of 6 (1 each)" in verdict_of(tmp_path / "few.nc")[0]
+    assert "all equilibria proved at 1 of 6 (1 each)" in verdict_of(tmp_path / "few.nc").trust
     law = "{law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
     found = tcstudy.run(
         study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", law=law), tmp_path / "decay.nc"
     )
     assert found["complete"].values.ravel().tolist() == [2]
-    assert "of the polygons of exponential laws" in verdict_of(tmp_path / "decay.nc")[0]
+    assert (
+        verdict_of(tmp_path / "decay.nc").trust[1].endswith("of the polygons of exponential laws")
+    )
 
 
 def test_a_file_that_grows_keeps_them(file: Path, tmp_path: Path) -> None:
