@@ -1,5 +1,4 @@
-"""Points of a sweep that stand in a table or are drawn: lines and cells, sizes of designs,
-distributions.
+"""Points of a sweep that stand in a table or are drawn.
 
 A table has a header of parameters with their units and a line for each point, `alpha
 [W/(m^2*K)],friction.delta [um]` and then `25,40`: separated by commas, decimals with a point, texts
@@ -18,6 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,19 +28,20 @@ from tcstudy.read.fields import Context, Fields, none_after_fault, only_key
 from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Design, Distribution, count
 from tcstudy.scene.keys import Key, row
 from tcstudy.scene.parameters import NUMBERS, WHOLE, Keys, path_of
-from tcstudy.scene.units import LONGEST, NONE, NUMBER, split_quantity
+from tcstudy.scene.units import LONGEST, NONE, NUMBER, Dimension, split_quantity
 
 CELL = re.compile(r'\s*+(?:"((?:[^"]|"")*+)"\s*+|([^,"]*+))(,|$)')
 """A cell, in quotes or bare, and what ends it; it never tries again what it has read."""
 MAX_CELLS = 450_000
 """Cells of a table; a study keeps them as text."""
 MAX_POINTS = 1_000_000
+"""Points of a sweep."""
 Nodes = tuple[Node, ...]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a sweep may vary: its key path and its row."""
+    """A number or record that a sweep may vary: its key path and its row."""
 
     path: Keys
     row: Key
@@ -51,153 +52,163 @@ class Parameter:
         return self.row.kind in WHOLE
 
     def several(self, node: Node) -> dict[str, Node]:
-        """The laws or materials of a node by name; none of a single one, or of what is no
-        mapping."""
-        return (
-            {} if any(key in node.children for key in WHOLE[self.row.kind]) else dict(node.children)
-        )
+        """Return the laws or materials of a node by name.
+
+        There are none in a single one, or in a node that is no mapping.
+        """
+        is_single = any(key in node.children for key in WHOLE[self.row.kind])
+        return {} if is_single else dict(node.children)
 
 
 def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
-    """Text of the CSV table that a key names, and the cells of its lines, the headings first;
-    nothing after a fault."""
-    before, path = len(ctx.errors), ctx.folder / ctx.text(node, "the path of a table")
+    """Return the text of the CSV table that a key names, and the cells of its lines.
+
+    The first line has the headings. Nothing after a fault.
+    """
+    before = len(ctx.errors)
+    path = ctx.folder / ctx.text(node, "the path of a table")
     try:
         text = load_text(path)
     except StudyError as error:
         ctx.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
         return "", []
-    cells = text.count(",") + text.count("\n") + 1
-    if cells > MAX_CELLS:
-        what = f"{path} has about {cells} values; at most {MAX_CELLS} are read"
+    n_cells = text.count(",") + text.count("\n") + 1
+    if n_cells > MAX_CELLS:
+        what = f"{path} has about {n_cells} values; at most {MAX_CELLS} are read"
         ctx.at(node, what, "use fewer lines, or several studies, whose files xarray joins")
         return "", []
     lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
-    heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
-    words = [str(cell.value) for cell in heads]
-    first = {word: k for k, word in reversed([*enumerate(words)])}
-    twice = [k for k, word in enumerate(words) if word and first[word] < k]
-    other = [
-        name
-        for name, mark in {"semicolons": ";", "tabs": "\t"}.items()
-        if len(words) == 1 and mark in words[0]
-    ]
-    if len(ctx.errors) > before:
-        pass
-    elif other:
-        ctx.at(
-            heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals"
-        )
-    elif words and all(re.fullmatch(NUMBER, word) for word in words):
-        ctx.at(
-            heads[0],
-            "the table has no headings; write a name and its unit over each column, as u_x [mm]",
-        )
-    elif len(lines) < 2:
-        ctx.at(
-            node, f"{path} has no data", "write a heading for each column and a line for each point"
-        )
-    elif twice:
-        ctx.at(
-            heads[twice[0]],
-            f"the heading {words[twice[0]]!r} stands twice; give every column its own heading",
-        )
-    elif wrong:
-        others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
-        what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
-        ctx.at(
-            wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma"
-        )
+    if len(ctx.errors) == before:
+        _check_table(ctx, node, path, lines)
     return (text, lines) if len(ctx.errors) == before else ("", [])
+
+
+def _check_table(ctx: Context, node: Node, path: Path, lines: list[tuple[Node, ...]]) -> None:
+    """Record the first fault of a table's headings and lines."""
+    heads = lines[0] if lines else ()
+    words = [str(cell.value) for cell in heads]
+    uneven = [line for line in lines if len(line) != len(heads)]
+    first_column: dict[str, int] = {}
+    for k, word in enumerate(words):
+        first_column.setdefault(word, k)
+    repeated = [k for k, word in enumerate(words) if word and first_column[word] < k]
+    separators = []
+    if len(words) == 1:
+        marks = {"semicolons": ";", "tabs": "\t"}
+        separators = [name for name, mark in marks.items() if mark in words[0]]
+    if separators:
+        what = f"columns are separated by {separators[0]}"
+        ctx.at(heads[0], what, "write commas, and a point in decimals")
+    elif words and all(re.fullmatch(NUMBER, word) for word in words):
+        remedy = "write a name and its unit over each column, as u_x [mm]"
+        ctx.at(heads[0], "the table has no headings", remedy)
+    elif len(lines) < 2:
+        remedy = "write a heading for each column and a line for each point"
+        ctx.at(node, f"{path} has no data", remedy)
+    elif repeated:
+        what = f"the heading {words[repeated[0]]!r} stands twice"
+        ctx.at(heads[repeated[0]], what, "give every column its own heading")
+    elif uneven:
+        what = f"has {len(uneven[0])} entries, but the header {len(heads)}"
+        if len(uneven) > 1:
+            what += f", and {len(uneven) - 1} other lines likewise"
+        remedy = "give every column a value; decimals have a point, columns a comma"
+        ctx.at(uneven[0][-1], what, remedy)
 
 
 def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells, at = [], 0
-        while at <= len(line):
-            match = CELL.match(line, at)
+        cells = []
+        position = 0
+        while position <= len(line):
+            match = CELL.match(line, position)
             if match is None:
-                mark = Mark(file, number, at + 1)
-                ctx.errors.at_mark(
-                    mark,
-                    "",
-                    "a quote is not where a text begins or ends",
-                    'write "..." around a text',
-                )
+                mark = Mark(file, number, position + 1)
+                what = "a quote is not where a text begins or ends"
+                ctx.errors.at_mark(mark, "", what, 'write "..." around a text')
                 break
             quoted, bare, end = match.groups()
-            start = match.start(2) if quoted is None else match.start(1) - 1
+            if quoted is None:
+                word = bare.strip()
+                start = match.start(2)
+            else:
+                word = quoted.replace('""', '"')
+                start = match.start(1) - 1
             mark = Mark(file, number, start + 1)
-            word = bare.strip() if quoted is None else quoted.replace('""', '"')
             cells.append(Node(word, "", mark, mark))
-            at = match.end() + (end != ",")
+            position = match.end() + (end != ",")
         yield tuple(cells)
 
 
 def table_value(ctx: Context, cell: Node, unit: str) -> Node:
-    """A cell as the study would have it."""
+    """Return a cell as the study would have it."""
     word = str(cell.value)
     if not word:
-        ctx.errors.unreadable(
-            cell.mark, cell.path, "is empty", "give every parameter a value in every line"
-        )
+        remedy = "give every parameter a value in every line"
+        ctx.errors.unreadable(cell.mark, cell.path, "is empty", remedy)
     number = re.fullmatch(NUMBER, word) if len(word) <= LONGEST else None
     if unit and split_quantity(word) is not None:
         ctx.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
-    return (
-        cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
-    )
+    if number is None:
+        return cell
+    return replace(cell, value=f"{word} {unit}" if unit else float(word))
 
 
 @none_after_fault
 def read_design(ctx: Context, node: Node, mode: str, d: int) -> Design:
-    """How many points are drawn, and from which seed; None after a fault. d: parameters"""
-    points, seed = node.at("points") or node, node.at("seed")
+    """Return the design of d parameters: the number of its points and its seed.
+
+    None after a fault.
+    """
+    points, seed = node.at("points"), node.at("seed")
     if not d:
         ctx.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
-    if points is node:
-        ctx.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
+    if points is None:
+        remedy = "say how many are drawn: points: 500"
+        ctx.at(node, "is missing", remedy, key=f"{node.path}.points")
     ctx.sound()
-    n, start = (
-        ctx.integer(points, 1, MAX_POINTS),
-        ctx.value(seed, row("sweep", "seed")) if seed else 0,
-    )
-    if count(mode, n, d) > MAX_POINTS:
-        what = f"{n} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
+    assert points is not None
+    n_points = ctx.integer(points, 1, MAX_POINTS)
+    first_seed = ctx.value(seed, row("sweep", "seed")) if seed else 0
+    if count(mode, n_points, d) > MAX_POINTS:
+        what = f"{n_points} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
         ctx.at(points, what, "draw fewer points, or leave parameters out")
-    return Design(mode, n, start)
+    return Design(mode, n_points, first_seed)
 
 
 @none_after_fault
 def read_correlation(
     ctx: Context, node: Node | None, mode: str, places: Mapping[tuple[str, ...], int]
 ) -> np.ndarray[Any, Any] | None:
-    """R (d, d) of the drawn parameters, 1 on its diagonal; None after a fault. places: which of
-    them a key path is"""
+    """Return the correlation R (d, d) of the drawn parameters, 1 on its diagonal.
+
+    None after a fault.
+    places: positions of the parameters by key path
+    """
     R = np.eye(len(places))
     pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0)
     for key, item in pairs.items():
-        rho, two = ctx.quantity(item, NONE), [path_of(name.strip()) for name in key.split(",")]
-        at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]
-        if len(at) != 2 or at[0] == at[1] or -1 in at:
+        rho = ctx.quantity(item, NONE)
+        paths = [path_of(name.strip()) for name in key.split(",")]
+        pair = [places.get(path, places.get(("parameters", *path), -1)) for path in paths]
+        if len(pair) != 2 or pair[0] == pair[1] or -1 in pair:
+            what = f"{key!r} is no pair of drawn parameters"
             names = ", ".join(path[-1] for path in places)
-            ctx.at(
-                item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True
-            )
+            ctx.at(item, what, f"name two of {names}", on_key=True)
         elif not -1.0 < rho < 1.0:
             ctx.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
         else:
-            R[at[0], at[1]] = R[at[1], at[0]] = rho
+            R[pair[0], pair[1]] = rho
+            R[pair[1], pair[0]] = rho
     ctx.sound()
-    if pairs and node is not None and mode == SALTELLI:
-        ctx.at(
-            node,
-            f"mode: {SALTELLI} takes its parameters as independent",
-            "use mode: sobol or random",
-        )
-    elif pairs and node is not None and np.linalg.eigvalsh(R)[0] <= 0.0:
+    if not pairs or node is None:
+        return R
+    if mode == SALTELLI:
+        what = f"mode: {SALTELLI} takes its parameters as independent"
+        ctx.at(node, what, "use mode: sobol or random")
+    elif np.linalg.eigvalsh(R)[0] <= 0.0:
         what = "no parameters can be correlated like this: the matrix is not positive definite"
         ctx.at(node, what, "bring the numbers nearer to 0")
     return R
@@ -207,44 +218,52 @@ Choice = tuple[tuple[str, ...], Nodes]
 """Names, if laws or materials have some, and values."""
 
 
+def _distribution(ctx: Context, item: Node, kind: str, dimension: Dimension) -> Distribution:
+    """Return a distribution of numbers; raise Unsound if one of them has a fault."""
+    names = PARAMETERS[kind]
+    if names == ENDS:
+        numbers = ctx.value(item, row("distribution", kind), dimension)
+    else:
+        dimensions = dict.fromkeys(names, dimension)
+        if kind == "lognormal":
+            dimensions["sigma"] = NONE
+        fields = Fields(ctx, item, kind)
+        numbers = tuple(fields.value(name, dimensions[name]) for name in names)
+    ctx.sound()
+    distribution = Distribution(kind, tuple(zip(names, numbers, strict=True)))
+    if not distribution.is_sound:
+        remedy = "its ends grow, those of a logarithm, sigma and a median are above 0, a mode is between ends"
+        ctx.at(item, f"{distribution} is no distribution", remedy)
+    return distribution
+
+
 @none_after_fault
 def read_distribution(
     ctx: Context, node: Node, parameter: Parameter, mode: str
 ) -> Distribution | Choice | None:
-    """The distribution of a parameter, or the values of a choice; None after a fault."""
-    whole, dimension = parameter.is_whole, parameter.row.dimension
-    found: Choice | Distribution | None = None
-    if several := parameter.several(node) if whole else {}:
-        found = tuple(several), tuple(several.values())
-    elif whole or not isinstance(node.value, Mapping):
-        shape = (
-            f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}"
-            if whole
-            else "{uniform: [a, b]}"
-        )
-        remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
-        ctx.at(node, f"must be a distribution, but is {node.kind()}", remedy)
+    """Return the distribution of a parameter, or the values of a choice; None after a fault."""
+    is_whole, row_kind = parameter.is_whole, parameter.row.kind
+    law: Choice | Distribution | None = None
+    several = parameter.several(node) if is_whole else {}
+    if several:
+        law = tuple(several), tuple(several.values())
+    elif is_whole or not isinstance(node.value, Mapping):
+        example = "{uniform: [a, b]} or {choice: [a, b]}"
+        if is_whole:
+            example = f"{{NAME: {{{WHOLE[row_kind][0]}: ...}}, NAME: ...}}"
+        what = f"must be a distribution, but is {node.kind()}"
+        ctx.at(node, what, f"with mode: {mode} write {example}")
     else:
         kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
         ctx.sound()
         if kind == "choice":
-            found = (), ctx.items(item, "a list of values", least=1)
-        elif parameter.row.kind not in NUMBERS:
+            law = (), ctx.items(item, "a list of values", least=1)
+        elif row_kind not in NUMBERS:
             ctx.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
         else:
-            names, of = PARAMETERS[kind], {"sigma": NONE} if kind == "lognormal" else {}
-            if names == ENDS:
-                numbers = ctx.value(item, row("distribution", kind), dimension)
-            else:
-                inner = Fields(ctx, item, kind)
-                numbers = tuple(inner.value(name, of.get(name, dimension)) for name in names)
-            ctx.sound()
-            found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
-            if not found.is_sound:
-                remedy = "its ends grow, those of a logarithm, sigma and a median are above 0, a mode is between ends"
-                ctx.at(item, f"{found} is no distribution", remedy)
+            law = _distribution(ctx, item, kind, parameter.row.dimension)
     ctx.sound()
-    if mode == SALTELLI and not isinstance(found, Distribution):
+    if mode == SALTELLI and not isinstance(law, Distribution):
         remedy = "give it a distribution of numbers, or write one study for each value"
         ctx.at(node, f"a choice has no indices by mode: {SALTELLI}", remedy)
-    return found
+    return law
