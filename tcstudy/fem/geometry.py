@@ -178,78 +178,69 @@ class Geometry:
 
     @cached_property
     def corners(self) -> tuple[Junction, ...]:
-        """Where pieces of the boundary and interfaces end: first those of the boundary, in the
-        order of its curves."""
-        names, points, sides = (
-            {f"c{i}": curve.name for i, curve in enumerate(self.curves)},
-            list[Array](),
-            list[Side](),
-        )
+        """Return where boundary pieces and interfaces end, those of the boundary first, in order."""
+        names = {f"c{i}": curve.name for i, curve in enumerate(self.curves)}
+        points, sides = list[Array](), list[Side]()
         edges = list(dict.fromkeys(self.shape.edges))  # an interface is an edge of two faces
         for edge in edges:
-            for t, way in zip(edge.parameter_interval, (1.0, -1.0), strict=True):
+            for t, sign in zip(edge.parameter_interval, (1.0, -1.0), strict=True):
                 value, tangent = edge.Value(t), edge.Tangent(t)
-                x, y = way * np.array([tangent.x, tangent.y]) / math.hypot(tangent.x, tangent.y)
+                direction = sign * np.array([tangent.x, tangent.y])
+                x, y = direction / math.hypot(tangent.x, tangent.y)
                 points.append(np.array([value[0], value[1]]))
                 sides.append(Side(names.get(edge.name, ""), (float(x), float(y)), edge.name))
-        together: dict[int, list[Side]] = {}
-        nearest = _first_within(np.array(points), 1e-6 * self.size / self.unit)
-        for side, place in zip(sides, nearest, strict=True):
-            together.setdefault(place, []).append(side)
+        sides_at: dict[int, list[Side]] = {}
+        places = _first_within(np.array(points), 1e-6 * self.size / self.unit)
+        for side, place in zip(sides, places, strict=True):
+            sides_at.setdefault(place, []).append(side)
         reach = max(AHEAD * min(edge.mass for edge in edges), NEAREST)
-        corners = [self._corner(points[place], around, reach) for place, around in together.items()]
-        return tuple(
-            sorted(
-                corners, key=lambda c: (c.cut, int(c.sides[0].tag[1:]) if c.sides[0].name else 0)
-            )
-        )
+        corners = [self._corner(points[place], around, reach) for place, around in sides_at.items()]
+
+        def rank(corner: Junction) -> tuple[bool, int]:
+            first = corner.sides[0]
+            return corner.cut, int(first.tag[1:]) if first.name else 0
+
+        return tuple(sorted(corners, key=rank))
 
     def _corner(self, at: Array, sides: list[Side], reach: float) -> Junction:
-        """The corner at a point of the shape, a cusp where no region is found. reach: how far from
-        it to look."""
+        """Return the corner at a point of the shape, a cusp where no region is found.
+
+        reach: distance from it at which regions are looked for
+        """
         sides = sorted(sides, key=lambda side: math.atan2(*side.away[::-1]))
         turns = [math.atan2(*side.away[::-1]) for side in sides]
-        wedges, plain = (
-            list[tuple[float, str]](),
-            len(sides) == 2 and all(side.name for side in sides),
-        )
-        for turn, angle in zip(
-            turns, np.diff([*turns, turns[0] + 2.0 * math.pi]).tolist(), strict=True
-        ):
-            x, y = at + reach * np.array(
-                [math.cos(turn + 0.5 * angle), math.sin(turn + 0.5 * angle)]
-            )
-            there = occ.Vertex(occ.Pnt(x, y, 0))
-            outside = plain and any(
-                region for _, region in wedges
-            )  # as only the other of two wedges is
-            faces = () if outside else self.shape.faces
-            wedges.append(
-                (angle, next((f.name for f in faces if f.Distance(there) < 1e-3 * reach), ""))
-            )
-        first = next(
-            (i for i, (_, region) in enumerate(wedges) if region and not wedges[i - 1][1]), 0
-        )
+        angles = np.diff([*turns, turns[0] + 2.0 * math.pi]).tolist()
+        wedges = list[tuple[float, str]]()
+        is_outline_corner = len(sides) == 2 and all(side.name for side in sides)
+        for turn, angle in zip(turns, angles, strict=True):
+            middle = turn + 0.5 * angle
+            x, y = at + reach * np.array([math.cos(middle), math.sin(middle)])
+            vertex = occ.Vertex(occ.Pnt(x, y, 0))
+            # a corner of the outline has two wedges; once one is inside, the other is outside
+            is_outside = is_outline_corner and any(region for _, region in wedges)
+            faces = () if is_outside else self.shape.faces
+            regions = (face.name for face in faces if face.Distance(vertex) < 1e-3 * reach)
+            wedges.append((angle, next(regions, "")))
+        count = len(wedges)
+        starts = (i for i in range(count) if wedges[i][1] and not wedges[i - 1][1])
+        first = next(starts, 0)
         sides, wedges = [*sides[first:], *sides[:first]], [*wedges[first:], *wedges[:first]]
-        last = next((i for i, (_, region) in enumerate(wedges) if not region), len(wedges))
+        last = next((i for i in range(count) if not wedges[i][1]), count)
         x, y = self.unit * at
-        return Junction(
-            (float(x), float(y)), tuple(sides[: last + 1]), tuple(wedges[:last]) or ((0.0, BODY),)
-        )
+        inside = tuple(wedges[:last]) or ((0.0, BODY),)
+        return Junction((float(x), float(y)), tuple(sides[: last + 1]), inside)
 
     def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
-        """(study name, points (count, 2), unit normals (count, 2)) of every piece of the
-        boundary."""
-        found = []
+        """Return the study name, points (count, 2) and unit normals (count, 2) of boundary pieces."""
+        pieces = []
         for edge in self.shape.edges:
-            if edge.name != INTERFACE:
-                curve, values = (
-                    self.curves[int(edge.name[1:])],
-                    [edge.Value(t) for t in _parameters(edge, count)],
-                )
-                points = self.unit * np.array([[value[0], value[1]] for value in values])
-                found.append((curve.name, points, curve.normal(points)))
-        return found
+            if edge.name == INTERFACE:
+                continue
+            curve = self.curves[int(edge.name[1:])]
+            values = [edge.Value(t) for t in _parameters(edge, count)]
+            points = self.unit * np.array([[value[0], value[1]] for value in values])
+            pieces.append((curve.name, points, curve.normal(points)))
+        return pieces
 
 
 def _first_within(points: Array, radius: float) -> list[int]:
@@ -280,9 +271,8 @@ def build(body: Body) -> Geometry:
     else:
         assert body.outline is not None
         loops = (*body.loops, *(region.loop for region in body.regions))
-        unit = _unit(
-            body_size(body), min(edge_length(edge) for loop in loops for edge in loop.edges)
-        )
+        shortest = min(edge_length(edge) for loop in loops for edge in loop.edges)
+        unit = _unit(body_size(body), shortest)
         face = _face(body.outline, unit)
         for hole in body.holes:
             face = face - _face(hole, unit)
@@ -290,41 +280,46 @@ def build(body: Body) -> Geometry:
             Curve(edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge))
             for edge in body.edges
         )
-    size, finders = _size(face), [_occ_distance(edge) for edge in face.edges]
+    size = _size(face)
+    finders = [_occ_distance(edge) for edge in face.edges]
     if body.brep is None:
         finders = [_edge_distance(edge, unit) for edge in body.edges]
     face.faces.name = BODY
-    parts, rest = [], face
+    regions, remainder = [], face
     for region in body.regions:  # cut out and glued back, so that the mesh follows their outlines
-        part = face * _face(region.loop, unit)
-        part.faces.name = region.name
-        rest = rest - part
-        parts.append(part)
-    rest.faces.name = BODY
-    shape = occ.Glue([rest, *parts]) if parts else rest
+        region_face = face * _face(region.loop, unit)
+        region_face.faces.name = region.name
+        remainder = remainder - region_face
+        regions.append(region_face)
+    remainder.faces.name = BODY
+    shape = occ.Glue([remainder, *regions]) if regions else remainder
     _name_edges(shape, finders, 1e-6 * size)
     area = sum(f.mass for f in shape.faces) * unit**2
     return Geometry(shape, curves, area, size * unit, unit, offsets)
 
 
 def _unit(size: float, shortest: float) -> float:
-    """The unit [m] in which the kernel gets a body of this size and shortest edge [m]; a power of
-    two, hence exact."""
+    """Return the kernel's unit [m] for a body of this size and shortest edge [m].
+
+    It is a power of two, so that scaling is exact.
+    """
     unit = min(size, shortest / SHORTEST)
     low, high = HARMLESS
     return 1.0 if low <= unit <= high else 2.0 ** math.floor(math.log2(unit))
 
 
 def _face(loop: Loop, unit: float) -> Any:
-    def at(point: Point) -> Any:
+    def vertex(point: Point) -> Any:
         return occ.Pnt(point[0] / unit, point[1] / unit, 0)
 
-    arcs = (
-        (at(edge.start), edge.through and at(edge.through), at(edge.end)) for edge in loop.edges
-    )
-    return occ.Face(
-        occ.Wire([occ.ArcOfCircle(a, c, b) if c else occ.Segment(a, b) for a, c, b in arcs])
-    )
+    segments = []
+    for edge in loop.edges:
+        start, end = vertex(edge.start), vertex(edge.end)
+        if edge.through:
+            segments.append(occ.ArcOfCircle(start, vertex(edge.through), end))
+        else:
+            segments.append(occ.Segment(start, end))
+    return occ.Face(occ.Wire(segments))
 
 
 def _size(face: Any) -> float:
@@ -333,11 +328,13 @@ def _size(face: Any) -> float:
 
 
 def _occ_distance(edge: Any) -> Callable[[Array], float]:
-    """Distance through the kernel; the edge is named before regions are glued in, so it still
-    exists."""
-    return lambda point: float(
-        edge.Distance(occ.Vertex(occ.Pnt(float(point[0]), float(point[1]), 0)))
-    )
+    """Return the distance by the kernel from an edge, which is named before regions are cut."""
+
+    def distance(point: Array) -> float:
+        vertex = occ.Vertex(occ.Pnt(float(point[0]), float(point[1]), 0))
+        return float(edge.Distance(vertex))
+
+    return distance
 
 
 def _edge_distance(edge: Edge, unit: float) -> Callable[[Array], float]:
@@ -345,19 +342,19 @@ def _edge_distance(edge: Edge, unit: float) -> Callable[[Array], float]:
 
 
 def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: float) -> None:
-    """Name every OCC edge after the curve its middle lies on; the rest are interfaces of regions.
+    """Name every OCC edge by the curve on which its middle lies, others as interfaces of regions.
 
     Names given before boolean operations do not survive them, hence the search by position.
     """
-    found = set()
+    names = set()
     for edge in shape.edges:
         low, high = edge.parameter_interval
         middle = edge.Value(0.5 * (low + high))
-        distances = [find(np.array([middle[0], middle[1]])) for find in finders]
-        best = int(np.argmin(distances))
-        edge.name = f"c{best}" if distances[best] <= tolerance else INTERFACE
-        found.add(edge.name)
-    missing = [i for i in range(len(finders)) if f"c{i}" not in found]
+        distances = [distance(np.array([middle[0], middle[1]])) for distance in finders]
+        nearest = int(np.argmin(distances))
+        edge.name = f"c{nearest}" if distances[nearest] <= tolerance else INTERFACE
+        names.add(edge.name)
+    missing = [i for i in range(len(finders)) if f"c{i}" not in names]
     if missing:
         raise GeometryFailed(
             f"boundary curve {missing[0]} vanished when holes and regions were cut; check that parts do not overlap",
@@ -434,35 +431,38 @@ def _edge_near(
 
 
 def _file_curve(edge: Any, name: str, unit: float) -> Curve:
-    """A curve of a file: normals from the kernel's tangents at the nearest parameter."""
+    """Return a curve of a file, whose normals follow from the kernel's tangents."""
     grid = _parameters(edge, POINTS)
     points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in grid])
     chord = float(np.linalg.norm(points[-1] - points[0]))
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
 
+    def nearest_parameter(point: Array) -> float:
+        """Return the parameter of the nearest sample after a few projection steps."""
+        i = int(np.argmin(np.sum((points - point) ** 2, axis=1)))
+        before, after = max(i - 1, 0), min(i + 1, len(grid) - 1)
+        distance = float(np.linalg.norm(points[after] - points[before]))
+        speed = distance / (grid[after] - grid[before])
+        t = grid[i]
+        for _ in range(8):
+            value, tangent = edge.Value(t), edge.Tangent(t)
+            length = np.hypot(tangent.x, tangent.y)
+            projection = (point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y
+            t = min(max(t + projection / length / speed, grid[0]), grid[-1])
+        return float(t)
+
     def normal(at: Array) -> Array:
-        """Across the tangents where the curve is closest: nearest sample, then a few projection
-        steps."""
-        found = []
+        normals = []
         for point in at / unit:
-            i = int(np.argmin(np.sum((points - point) ** 2, axis=1)))
-            a, b, t = max(i - 1, 0), min(i + 1, len(grid) - 1), grid[i]
-            speed = float(np.linalg.norm(points[b] - points[a])) / (grid[b] - grid[a])
-            for _ in range(8):
-                value, tangent = edge.Value(t), edge.Tangent(t)
-                length = np.hypot(tangent.x, tangent.y)
-                along = (
-                    (point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y
-                ) / length
-                t = min(max(t + along / speed, grid[0]), grid[-1])
-            tangent = edge.Tangent(t)
-            found.append(np.array([-tangent.y, tangent.x]) / np.hypot(tangent.x, tangent.y))
-        return np.array(found)
+            tangent = edge.Tangent(nearest_parameter(point))
+            length = np.hypot(tangent.x, tangent.y)
+            normals.append(np.array([-tangent.y, tangent.x]) / length)
+        return np.array(normals)
 
     return Curve(name, float(edge.mass) * unit, straight, normal)
 
 
 def _parameters(edge: Any, count: int) -> Array:
-    """Equally spaced curve parameters, both ends included."""
+    """Return equally spaced curve parameters, both ends included."""
     low, high = edge.parameter_interval
     return np.linspace(float(low), float(high), count)
