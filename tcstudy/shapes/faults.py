@@ -301,7 +301,7 @@ def check_body(body: Body) -> list[Fault]:
     gap = TOLERANCE * size
     inner_shapes = list(sound_shapes.items())
     for i, (place, shape) in enumerate(inner_shapes):
-        check = _hole_faults if "holes" in place else _region_faults
+        check = _hole_faults if place.startswith("body.holes") else _region_faults
         for problem, remedy in check(shape, outline_shape, inner_shapes[:i], gap):
             faults.append(Fault(place, problem, remedy))
     return faults

@@ -28,6 +28,9 @@ SOUND = {
     "region at the edge": Body(
         SQUARE, (), (Region("heater", rectangle_loop((0.0, 0.0), 0.5, 0.5)),)
     ),
+    "region named like a hole": Body(
+        SQUARE, (), (Region("pinholes", rectangle_loop((0.0, 0.0), 0.5, 0.5)),)
+    ),
     "region to rounding": Body(
         SQUARE, (), (Region("heater", rectangle_loop((0.7, 0.1), 0.3 + 1e-16, 0.5)),)
     ),
