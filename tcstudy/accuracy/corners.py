@@ -169,7 +169,7 @@ def _has_prescribed_temperature(role: Role) -> bool:
 
 
 def _condition(role: Role, side: Side, corner: Point, sticks: Sticks) -> tuple[Held, str]:
-    """Return the constrained directions in the polar frame of a side, and the condition in words."""
+    """Return the constrained directions in a side's polar frame, and the condition in words."""
     if isinstance(role, Contact):
         if sticks(side.name, corner):
             return CLAMPED, "sticking contact"

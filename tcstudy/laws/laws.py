@@ -68,7 +68,7 @@ class Laws(LawPieces):
         return laws
 
     def of_nodes(self, nodes: Any) -> Laws:
-        """Return the laws of the nodes, or rows, of these numbers; one law for all is that of any."""
+        """Return the laws of the numbered nodes, or rows; one law for all is that of any."""
         return self if self.one else self.at(self.index[nodes])
 
     def known(self, **facts: Any) -> Laws:

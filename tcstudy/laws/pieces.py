@@ -327,7 +327,7 @@ class LawPieces:
         return tuple(column.take(piece) for column in self.pieces)
 
     def terms(self, s: Array, piece: Index) -> Array:
-        """Return the sum of the magnitudes of the terms of b, to which rounding is relative [Pa]."""
+        """Return the sum of the magnitudes of the terms of b, the scale of its rounding [Pa]."""
         distance = s - self.s_0.take(piece)
         magnitude = np.abs(self.b_0.take(piece)) + np.abs(self.q.take(piece) * distance)
         for a, r in self.exponentials:
@@ -387,7 +387,7 @@ class LawPieces:
 
     @Fact
     def _up_jumps(self) -> tuple[Array, Array]:
-        """(…, K+1) each: last up-jump up to the left end of every piece, first from its right end on.
+        """(…, K+1) each: last up-jump up to a piece's left end, first from its right end on.
 
         ∓∞ if there is none.
         """
@@ -414,7 +414,7 @@ class LawPieces:
 
     @Fact
     def primitive(self) -> tuple[Array, Array]:
-        """(…, K+1) each: ∫ b from the kink next to 0 to the left and to the right end of every piece.
+        """(…, K+1) each: ∫ b from the kink next to 0 to the left and right end of every piece.
 
         The outer pieces count as 0. Summed outwards, so that it is even to the bit for an odd law.
         """
@@ -456,7 +456,7 @@ class LawPieces:
             if q < 0.0 or (q == 0.0 and wrong_limit):
                 raise GrowthError(
                     f"b ends with the wrong sign as {side} (last slope {q:g}, "
-                    f"last value {sign * b_0:g}), so eq. (15) fails: friction must oppose large slip"
+                    f"last value {sign * b_0:g}), so eq. (15) fails: b must oppose large slip"
                 )
 
 

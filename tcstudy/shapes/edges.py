@@ -381,13 +381,13 @@ class TriangleGeometry:
 
     @cached_property
     def edges(self) -> tuple[Indices, Indices]:
-        """(e, 2) edges, ends ascending, and (t, 3) those of every triangle in the order of `sides`."""
+        """(e, 2) edges, ends ascending, and (t, 3) those of triangles in the order of `sides`."""
         ascending = np.sort(self.sides, axis=1)
         edges, edge_of_side = np.unique(ascending, axis=0, return_inverse=True)
         return edges, edge_of_side.reshape(-1, 3)
 
     def sides_at(self, pairs: Indices) -> Indices:
-        """Return (s,) numbers of the sides from one node to the other of pairs (s, 2), −1 for none."""
+        """Return (s,) numbers of the sides between nodes of pairs (s, 2), −1 for none."""
         n = len(self.points)
         side_keys = self.sides[:, 0] * n + self.sides[:, 1]
         pair_keys = pairs[:, 0] * n + pairs[:, 1]
