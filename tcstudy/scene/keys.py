@@ -211,7 +211,7 @@ ROWS: tuple[Key, ...] = (
     needed(
         "mesh",
         "section",
-        "element sizes; [which meshes there are](#meshes-that-follow-the-error)",
+        "element sizes; [which meshes there are](howto/meshes.md)",
         example=_SIZE,
     ),
     key(

@@ -152,7 +152,7 @@ WORTH_SAYING = 2.0
 """Seconds of meshing from which on a forecast says so."""
 LONG = 2.0
 """Lengths of elements over the height of a strip above which path and lowest state may differ
-(configs/README.md)."""
+(configs/howto/histories.md)."""
 
 
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
