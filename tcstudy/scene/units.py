@@ -53,10 +53,23 @@ VELOCITY = Dimension("a velocity", "m/s", "m s-1", "0.5 m/s")
 
 PLAIN: dict[Dimension, dict[str, float]] = {
     LENGTH: {"km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
-    TRACTION: {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+    AREA: {"cm^2": 1e-4, "mm^2": 1e-6},
+    TRACTION: {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6},
+    STIFFNESS: {
+        **{"kPa/m": 1e3, "MPa/m": 1e6, "GPa/m": 1e9, "kPa/mm": 1e6, "MPa/mm": 1e9, "GPa/mm": 1e12},
+        **{"MPa/um": 1e12, "N/mm^3": 1e9},
+    },
+    BODY_FORCE: {"kN/m^3": 1e3, "MN/m^3": 1e6},
+    LINE_FORCE: {"kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3, "kN/mm": 1e6},
+    FRACTURE_ENERGY: {"kJ/m^2": 1e3, "N/m": 1.0, "N/mm": 1e3},
+    HEAT_SOURCE: {"kW/m^3": 1e3, "MW/m^3": 1e6},
+    HEAT_FLUX: {"kW/m^2": 1e3, "MW/m^2": 1e6},
+    HEAT_TRANSFER: {"kW/(m^2*K)": 1e3},
+    THERMAL_STRESS: {"kPa/K": 1e3, "MPa/K": 1e6},
+    VELOCITY: {"mm/s": 1e-3},
 }
-"""Units that need no parser beside the SI unit itself: pint takes a third of a second before its
-first answer."""
+"""Usual units and their sizes in SI, which are looked up before pint is imported: it takes a third
+of a second before its first answer."""
 
 USUAL = (
     "nm",

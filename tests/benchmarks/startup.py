@@ -16,7 +16,7 @@ from tests.benchmarks.cases import publish_chapter
 from tests.benchmarks.geometries import CONFIG, cost_of
 from tests.benchmarks.peers import machine
 
-RUNS = 7
+RUNS = 3
 COMMANDS = {
     "quickstart, 144 solutions, with its table": ("run", "STUDY", "-o", "FILE", "--force"),
     "its dry run": ("run", "STUDY", "-o", "FILE.other", "--dry-run"),
