@@ -745,10 +745,11 @@ ROWS: tuple[Key, ...] = (
 
 @cache
 def _by_section() -> dict[str, dict[str, Key]]:
-    found: dict[str, dict[str, Key]] = {}
-    for one in (*ROWS, *(own for law in SHAPES for own in law_rows(law))):
-        found.setdefault(one.section, {}).setdefault(one.name, one)
-    return found
+    of_laws = [row for law in SHAPES for row in law_rows(law)]
+    sections: dict[str, dict[str, Key]] = {}
+    for row in (*ROWS, *of_laws):
+        sections.setdefault(row.section, {}).setdefault(row.name, row)
+    return sections
 
 
 OF_ALL_LAWS = ("strength", "scatter", "scatter_length", "scatter_seed")
@@ -757,36 +758,42 @@ OF_ALL_LAWS = ("strength", "scatter", "scatter_length", "scatter_seed")
 
 @cache
 def law_rows(law: str) -> tuple[Key, ...]:
-    """The rows of a law's parameters."""
-    of_units = {one.si: one for one in u.DIMENSIONS}
-    return tuple(
-        Key(
-            *(one.name, one.kind, one.meaning, of_units[one.dimension], one.example, "friction"),
-            required=one.required,
-            default=one.default,
-            least=one.least,
+    """Return the rows of a law's parameters."""
+    dimensions = {dimension.si: dimension for dimension in u.DIMENSIONS}
+    parameter_rows = []
+    for parameter in SHAPES[law].parameters:
+        parameter_row = Key(
+            parameter.name,
+            parameter.kind,
+            parameter.meaning,
+            dimension=dimensions[parameter.dimension],
+            example=parameter.example,
+            section="friction",
+            required=parameter.required,
+            default=parameter.default,
+            least=parameter.least,
             swept=True,
         )
-        for one in SHAPES[law].parameters
-    )
+        parameter_rows.append(parameter_row)
+    return tuple(parameter_rows)
 
 
 def rows(section: str) -> dict[str, Key]:
-    """The rows of a section by name; none of what is no section."""
+    """Return the rows of a section by name; none for any other text."""
     return _by_section().get(section, {})
 
 
 def row(section: str, name: str) -> Key:
-    """One row; raises KeyError."""
+    """Return a row; raise KeyError if there is none."""
     return _by_section()[section][name]
 
 
 def short_of(section: str) -> str:
-    """The key that a word in place of a section stands for; empty if it must be a mapping."""
+    """Return the key that a word in place of a section stands for; empty if it has none."""
     top = rows("").get(section)
     return top.short if top else ""
 
 
 def of_role(role: str) -> tuple[str, ...]:
-    """The keys that a role of an edge takes beside `role`."""
-    return tuple(one.name for one in rows("boundary").values() if role in one.roles)
+    """Return the keys that a role of an edge takes beside `role`."""
+    return tuple(row.name for row in rows("boundary").values() if role in row.roles)

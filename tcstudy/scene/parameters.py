@@ -12,12 +12,14 @@ from typing import Any
 
 from tcstudy.expressions.expression import Expression, product
 from tcstudy.laws.composed import POINTS, EdgeLaws
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.keys import LOADED, Key, law_rows, row, rows
 from tcstudy.scene.records import (
     Clamped,
     Convection,
     Loaded,
+    Material,
     Rigid,
     Role,
     Scalar,
@@ -46,28 +48,27 @@ FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
 
 
 def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | None:
-    """The row of the key at a path if a sweep may vary it, by the table alone; names of edges and
-    regions as they come.
+    """Return the row of the key at a path if a sweep may vary it, by the table alone.
 
-    law: of which a parameter is meant where laws differ in its dimension;  edges: those with laws of their own
+    Names of edges and regions are not checked.
+    law:   the law of which a parameter is meant, where laws differ in its dimension
+    edges: names of edges that have laws of their own
     """
-    section, found, words = "", None, list(path)
+    section, row_at, words = "", None, list(path)
     while words:
-        known = (
-            {one.name: one for one in law_rows(law)}
-            if section == "friction" and law in SHAPES
-            else {}
-        )
-        found = known.get(words[0]) or rows(section).get(words[0])
+        law_row = None
+        if section == "friction" and law in SHAPES:
+            law_row = next((row for row in law_rows(law) if row.name == words[0]), None)
+        row_at = law_row or rows(section).get(words[0])
         by_edge = words.pop(0) == "friction" and bool(edges) and bool(words)
-        if found is None or (by_edge and words[0] not in edges):
+        if row_at is None or (by_edge and words[0] not in edges):
             return None
-        if words and (by_edge or found.kind == "named sections"):
+        if words and (by_edge or row_at.kind == "named sections"):
             words = words[1:]
-        section = found.of[0] if found.of else "."
+        section = row_at.of[0] if row_at.of else "."
     if path[0] == "materials" and len(path) == 2:
         return row("", "material")
-    return found if found is not None and found.swept else None
+    return row_at if row_at is not None and row_at.swept else None
 
 
 SHORT = {
@@ -82,7 +83,7 @@ friction.k)."""
 
 
 def path_of(word: str) -> Keys:
-    """The key path that a name or a path stands for."""
+    """Return the key path that a name or a path stands for."""
     return tuple(SHORT.get(word, word).split("."))
 
 
@@ -90,8 +91,10 @@ def path_of(word: str) -> Keys:
 class Number:
     """A number of a scene that a path, a history, a fit or a derivative may change.
 
-    value: in the scene [SI];  idle: why it changes nothing
-    place: of one in which the load is affine: the fields and places of the scene that lead to it; else empty
+    value: in the scene [SI]
+    idle:  the reason why it changes nothing; empty if it acts
+    place: the fields and indices of the scene that lead to it, if the load is affine in it; else
+           empty
     """
 
     row: Key
@@ -125,73 +128,82 @@ FACTORED = {
 
 
 def _of_rows(record: object, section: str, path: Keys, place: Place, idle: str = "") -> Found:
-    """The affine numbers of a record that are given; u of a clamped edge is not among them, whose
-    frame has names."""
-    for one in rows(section).values():
-        value = getattr(record, one.name, None)
-        if one.affine and value is not None:
-            parts = (
-                [((), value)]
-                if one.kind != "vector"
-                else [((i,), part) for i, part in enumerate(value)]
-            )
-            for name, (inner, part) in zip(one.numbers, parts, strict=True):
-                yield (*path, name), Number(one, part, idle, (*place, one.name, *inner))
+    """Yield the affine numbers of a record that are given.
+
+    u of a clamped edge is not among them, whose frame has names.
+    """
+    for affine_row in rows(section).values():
+        value = getattr(record, affine_row.name, None)
+        if not affine_row.affine or value is None:
+            continue
+        field = (*place, affine_row.name)
+        if affine_row.kind != "vector":
+            yield (*path, affine_row.name), Number(affine_row, value, idle, field)
+            continue
+        for i, (name, component) in enumerate(zip(affine_row.numbers, value, strict=True)):
+            yield (*path, name), Number(affine_row, component, idle, (*field, i))
+
+
+def _of_clamped(role: Clamped, path: Keys, place: Place) -> Found:
+    """Yield the displacements of an edge, and the forces on the free components of a rigid one."""
+    components = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
+    for i, name in enumerate(components):
+        displacement = role.u[i]
+        if displacement is not None:
+            number = Number(row("boundary", name), displacement, place=(*place, "u", i))
+            yield (*path, name), number
+        elif isinstance(role, Rigid):
+            force = Number(row("boundary", "force"), role.force[i], place=(*place, "force", i))
+            yield (*path, f"force_{name[-1]}"), force
 
 
 def affine_numbers(scene: Scene) -> Found:
-    """The numbers of a scene in which the load is affine, by key path; ("load",) is a factor of f,
-    g, pressure, force and moment."""
-    heat, roles = (
-        scene.heat,
-        [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)],
-    )
+    """Yield the numbers of a scene in which the load is affine, by key path.
+
+    ("load",) is a factor of f, g, pressure, force and moment.
+    """
+    heat = scene.heat
+    roles = [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)]
     idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
-    left = any(exchanges(r) and (r.heat is None or r.heat.theta_bar is None) for _, r, _ in roles)
-    acts = {"theta": True, "theta_bar": heat.theta is None and left}
-    acts["q"] = bool(scene.held_theta) or any(alpha > 0.0 for _, alpha, _ in scene.exchange)
-    yield from (
-        one for one in _of_rows(heat, "heat", ("heat",), ("heat",), idle) if acts[one[0][-1]]
+    uses_theta_bar = any(
+        exchanges(role) and (role.heat is None or role.heat.theta_bar is None)
+        for _, role, _ in roles
     )
+    acts = {"theta": True, "theta_bar": heat.theta is None and uses_theta_bar}
+    acts["q"] = bool(scene.held_theta) or any(alpha > 0.0 for _, alpha, _ in scene.exchange)
+    for path, number in _of_rows(heat, "heat", ("heat",), ("heat",), idle):
+        if acts[path[-1]]:
+            yield path, number
     for edge, role, place in roles:
         inner = () if isinstance(role, Convection) else ("heat",)
-        yield from _of_rows(
-            role.heat, "edge_heat", ("boundary", edge, *inner), (*place, "heat"), idle
-        )
+        path = ("boundary", edge, *inner)
+        yield from _of_rows(role.heat, "edge_heat", path, (*place, "heat"), idle)
     yield from _of_rows(scene, "loads", ("loads",), ())
     for edge, role, place in roles:
         path = ("boundary", edge)
         if role.moment is not None:
-            yield (
-                (*path, "moment"),
-                Number(row("boundary", "moment"), role.moment, place=(*place, "moment")),
-            )
+            moment = Number(row("boundary", "moment"), role.moment, place=(*place, "moment"))
+            yield (*path, "moment"), moment
         if isinstance(role, Clamped):
-            for i, name in enumerate(("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")):
-                if (held := role.u[i]) is not None:
-                    yield (*path, name), Number(row("boundary", name), held, place=(*place, "u", i))
-                elif isinstance(role, Rigid):
-                    force = Number(
-                        row("boundary", "force"), role.force[i], place=(*place, "force", i)
-                    )
-                    yield (*path, f"force_{name[-1]}"), force
+            yield from _of_clamped(role, path, place)
         elif isinstance(role, Loaded):
             yield from _of_rows(role, "boundary", path, place)
     loaded = scene.f != (0.0, 0.0) or any(role.loaded for _, role in scene.boundary)
-    yield (
-        ("load",),
-        Number(LOAD, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment"),
-    )
+    unloaded = "the study has no f, g, pressure, force or moment"
+    yield ("load",), Number(LOAD, 1.0, "" if loaded else unloaded)
 
 
 def numbers(scene: Scene) -> Found:
-    """All numbers of a scene by which its solution can be differentiated, by key path."""
+    """Yield all numbers of a scene by which its solution can be differentiated, by key path."""
     yield from affine_numbers(scene)
-    regions = ((("materials", name), own) for name, own in scene.material.regions)
-    for path, material in (("material",), scene.material), *regions:
+    materials: list[tuple[Keys, Material]] = [(("material",), scene.material)]
+    materials += [(("materials", name), material) for name, material in scene.material.regions]
+    for path, material in materials:
         for name in ("E", "nu", "alpha_T", "beta", "k"):
-            if (value := getattr(material, name)) is not None:
+            value = getattr(material, name)
+            if value is not None:
                 yield (*path, name), Number(row("material", name), value)
+    roles: list[tuple[Keys, Role]]
     roles = [(("boundary", edge), role) for edge, role in scene.boundary]
     if scene.heat.theta is None and scene.conducts:
         if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, role in roles):
@@ -201,54 +213,60 @@ def numbers(scene: Scene) -> Found:
                 inner = ("alpha",) if isinstance(role, Convection) else ("heat", "alpha")
                 yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha)
     for path, role in roles:
-        for one, k in (
-            zip(rows("spring").values(), role.spring, strict=True) if role.word in LOADED else ()
-        ):
-            idle = "" if any(role.spring) else "the edge rests on no springs"
-            yield (*path, "spring", one.name), Number(one, k, idle)
-    alone = (
-        scene.friction.laws
-        if isinstance(scene.friction, EdgeLaws)
-        else (("", scene.friction, 1.0),)
-    )
-    for edge, law, strength in alone:
-        path = ("friction", edge) if edge else ("friction",)
-        if law.made is not None:
-            for one in law_rows(law.made.shape):
-                value = law.made.values[one.name]
-                if isinstance(value, float) and one.kind != "integer":
-                    yield (*path, one.name), Number(one, value)
-            points = law.made.values.get(POINTS, ())
-            for i, (s, b) in enumerate(points):
-                held = "an odd law begins at s = 0" if i == 0 and law.made.values["odd"] else ""
-                shared = (
-                    "another point has the same s"
-                    if [other for other, _ in points].count(s) > 1
-                    else ""
-                )
-                yield (*path, POINTS, str(i)), Number(OF_POINT["b"], float(b))
-                yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), held or shared)
-            whole = strength if isinstance(strength, Expression) else law.made.strength
-            yield (*path, "strength"), Number(row("friction", "strength"), whole)
+        if role.word not in LOADED:
+            continue
+        idle = "" if any(role.spring) else "the edge rests on no springs"
+        for spring_row, stiffness in zip(rows("spring").values(), role.spring, strict=True):
+            yield (*path, "spring", spring_row.name), Number(spring_row, stiffness, idle)
+    if isinstance(scene.friction, EdgeLaws):
+        for edge, law, strength in scene.friction.laws:
+            yield from _of_law(law, ("friction", edge), strength)
+    else:
+        yield from _of_law(scene.friction, ("friction",), 1.0)
+
+
+def _of_law(law: Laws, path: Keys, strength: Scalar) -> Found:
+    """Yield the parameters of a law, those of its points, and its strength."""
+    if law.made is None:
+        return
+    values = law.made.values
+    for parameter_row in law_rows(law.made.shape):
+        value = values[parameter_row.name]
+        if isinstance(value, float) and parameter_row.kind != "integer":
+            yield (*path, parameter_row.name), Number(parameter_row, value)
+    points = values.get(POINTS, ())
+    slips = [s for s, _ in points]
+    for i, (s, b) in enumerate(points):
+        idle = ""
+        if i == 0 and values["odd"]:
+            idle = "an odd law begins at s = 0"
+        elif slips.count(s) > 1:
+            idle = "another point has the same s"
+        yield (*path, POINTS, str(i)), Number(OF_POINT["b"], float(b))
+        yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), idle)
+    whole = strength if isinstance(strength, Expression) else law.made.strength
+    yield (*path, "strength"), Number(row("friction", "strength"), whole)
 
 
 def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
-    """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if
-    it has none such.
+    """Return the scene with the value t [SI] of a number in which its load is affine.
 
     The factor `load` multiplies the loads that the scene was made with, and those put in later.
+    Raises KeyError if the scene has no such number.
     """
-    whole = scene.unscaled or scene
-    place = dict(affine_numbers(whole))[parameter].place
+    unscaled = scene.unscaled or scene
+    place = dict(affine_numbers(unscaled))[parameter].place
     if not place:
-        return _scaled_by(whole, t)
-    found: Scene = _put(whole, place, t)
-    return found if scene.unscaled is None else _scaled_by(found, scene.load)
+        return _scaled_by(unscaled, t)
+    new_scene: Scene = _put(unscaled, place, t)
+    return new_scene if scene.unscaled is None else _scaled_by(new_scene, scene.load)
 
 
 def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
-    """The scene with several loads put in (see `path_scene`); raises KeyError for one that it does
-    not have."""
+    """Return the scene with several loads put in (see `path_scene`).
+
+    Raises KeyError for a load that it does not have.
+    """
     for keys, value in values.items():
         scene = path_scene(scene, keys, value)
     return scene
@@ -257,10 +275,10 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
 def _put(record: Any, place: Place, value: float) -> Any:
     if not place:
         return value
-    key, rest = place[0], place[1:]
+    key, inner_place = place[0], place[1:]
     if isinstance(key, int):
-        return (*record[:key], _put(record[key], rest, value), *record[key + 1 :])
-    return replace(record, **{key: _put(getattr(record, key), rest, value)})
+        return (*record[:key], _put(record[key], inner_place, value), *record[key + 1 :])
+    return replace(record, **{key: _put(getattr(record, key), inner_place, value)})
 
 
 def _scaled_by(scene: Scene, factor: float) -> Scene:
