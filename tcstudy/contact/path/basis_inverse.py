@@ -67,19 +67,27 @@ class BasisInverse:
     def refactor(self) -> None:
         """The inverse from A itself, by the fastest coordinate. Raises SingularCellError if the
         line is not unique."""
-        self.size, self.stale, self.driver, before = 0, True, -1, self.way
+        self.size = 0
+        self.stale = True
+        self.driver = -1
         self._negatives: int | None = None
-        m, A, F, R = self.m, self.A, np.flatnonzero(self.free), np.flatnonzero(~self.free)
-        n, scale, moving = (
-            len(F),
-            1.0 / np.sqrt(np.diagonal(A)[F] + np.abs(self.k[F])),
-            np.append(F, m),
-        )
+        previous_way = self.way
+        m = self.m
+        free_nodes = np.flatnonzero(self.free)
+        n = len(free_nodes)
+        # free nodes first: blocks of the equations are slices, and only whole rows are reordered
+        order = np.concatenate([free_nodes, np.flatnonzero(~self.free)])
+        A = self.A.T[order].take(order, axis=1)
+        load = self.load[order]
+        k = self.k[free_nodes]
+        scale = 1.0 / np.sqrt(np.diagonal(A)[:n] + np.abs(k))
         S = np.empty((n + 1, n + 1))
-        S[:n, :n], S[:n, n] = self._H(F) * scale[:, None] * scale, -self.load[F] * scale
-        S[n] = np.random.default_rng(n).uniform(
-            0.5, 1.0, n + 1
-        )  # any border that the line does not lie in
+        S[:n, :n] = A[:n, :n]
+        S[np.arange(n), np.arange(n)] += k
+        S[:n, :n] *= scale[:, None] * scale
+        S[:n, n] = -load[:n] * scale
+        # any border that the line does not lie in
+        S[n] = np.random.default_rng(n).uniform(0.5, 1.0, n + 1)
         S[n, ::2] *= -1.0
         try:
             inverse = np.linalg.inv(S)
@@ -88,16 +96,22 @@ class BasisInverse:
         if not np.linalg.norm(S, 1) * np.linalg.norm(inverse, 1) * LOST_RANK < 1.0:
             raise SingularCellError
         inverse[:n] *= scale[:, None]
-        self.T, way = np.empty((m + 1, m), order="F"), np.empty(m + 1)
-        by_force = inverse[:, :n] * -scale
-        self.T[np.ix_(moving, F)], self.T[np.ix_(moving, R)] = by_force, by_force @ A[np.ix_(F, R)]
-        way[moving] = inverse[:, n]
-        onto = np.concatenate([-A[np.ix_(R, F)], self.load[R, None]], axis=1)
-        self.T[R], way[R] = onto @ self.T[moving], onto @ way[moving]
-        self.T[np.ix_(R, R)] -= A[np.ix_(R, R)]
+        # rows: displacements of free nodes, τ, forces of held nodes
+        T = np.empty((m + 1, m))
+        T[: n + 1, :n] = inverse[:, :n] * -scale
+        T[: n + 1, n:] = T[: n + 1, :n] @ A[:n, n:]
+        onto_held = np.concatenate([-A[n:, :n], load[n:, None]], axis=1)
+        T[n + 1 :] = onto_held @ T[: n + 1]
+        T[n + 1 :, n:] -= A[n:, n:]
+        way = np.concatenate([inverse[:, n], onto_held @ inverse[:, n]])
+        position = np.argsort(order)
+        row = np.append(np.where(self.free, position, position + 1), n)
+        self.T = np.asfortranarray(T[row].take(position, axis=1))
+        way = way[row]
         self.unit = np.append(np.where(self.free, self.root, 1.0 / self.root), 1.0)
         fastest = int(np.argmax(np.abs(way * self.unit)))
-        self.stale, self.way = False, way if before[fastest] * way[fastest] >= 0.0 else -way
+        self.stale = False
+        self.way = way if previous_way[fastest] * way[fastest] >= 0.0 else -way
         self.fastest = float(np.abs(self.way * self.unit).max())
         self.drive(fastest)
 
