@@ -41,7 +41,8 @@ TIE, BLURS, LARGEST_TIE = 1e-12, 64.0, 1e-9
 """Nodes this close to their bound, relative to slip and traction there, reach it together with the
 first one, or as close as rounding lets their place be known: so many times ScaledBody.blur, as the
 motion is nearly singular where a whole zone reaches its bounds at once; whatever rounding is, nodes
-farther than the last have not reached theirs."""
+farther than the last have not reached theirs. Nodes at rest stand on their bounds only within the
+first."""
 
 DRIFTED = 1e3
 """How many times farther than a tie nodes are looked at again, with the point corrected first."""
@@ -249,7 +250,9 @@ class Walk:
         with suppress(SingularCellError):  # are they there, or has the point drifted?
             self.correct(at)
             gaps = self.gaps()
-        near = gaps <= self.tie
+        # a node at rest has come no nearer to its bound: to put it there would unbalance the point
+        rests = self.dx[:-1] == 0.0
+        near = gaps <= np.where(rests, min(self.tie, TIE), self.tie)
         near[first] = True
         upper = (self.high - self.x < self.x - self.low)[:-1]
         near &= ~np.where(

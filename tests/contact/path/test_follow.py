@@ -37,6 +37,36 @@ def test_lost_accuracy_is_noticed_and_repaired(monkeypatch: pytest.MonkeyPatch) 
     assert np.max(np.abs(path.u - exact.u)) <= 1e-9
 
 
+def test_a_node_at_rest_near_its_bound_costs_no_factorisation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of uncoupled nodes five slip one after the other, while the load leaves the last two as they
+    are.
+
+    These two are nearer to sliding than a tie, which is wide as one stiffness is small.
+    """
+    stiffness = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1e-5, 1.0])
+    l_0 = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0 - 1e-10, 1.0 - 3e-10])
+    # two nodes within what a tie is looked at again for make every vertex a possible tie
+    l_1 = np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.0, 0.0])
+    law = cases.linear_law("tresca", [0.0], [-1.0], [1.0], (0.0, 0.0))
+    problem = ParametricProblem(np.diag(stiffness), l_0, l_1, np.ones(7), law)
+    refactor = BasisInverse.refactor
+    factorisations = []
+
+    def counted(self: BasisInverse) -> None:
+        factorisations.append(self)
+        refactor(self)
+
+    monkeypatch.setattr(BasisInverse, "refactor", counted)
+    path = Follower(t_min=0.0, t_max=2.0).follow(problem, np.zeros(7), 0.0, "forward")
+    assert path.end == PathStatus.RANGE_END
+    assert path.t == pytest.approx([0.0, *1.0 / l_1[:5], 2.0], rel=1e-14)
+    assert not path.u[:, 5:].any()
+    assert path.residual[1:].max() <= 1e-14  # at the start itself they are put on their bounds
+    assert len(factorisations) == 1
+
+
 def test_reasons_for_the_end() -> None:
     problem, zero = softening_line(20, 0.02), np.zeros(20)
     short = Follower(max_pieces=5).follow(problem, zero, 0.0)
