@@ -187,7 +187,9 @@ class Follower:
             else:
                 end = PathStatus.LOST_ACCURACY
                 del pieces[done:]
-            reached, walk.tie = 2.0 * float(found[-1][3].max()) if careful else 0.0, walk.usual_tie
+            walk.tie = walk.usual_tie
+            if careful:  # later pieces are not followed again for what remains after corrections
+                reached = 2.0 * float(found[-1][3].max())
             if end is None:
                 walk.balance()
                 mark = walk.here
