@@ -56,18 +56,19 @@ class Scenes(Sequence[Scene]):
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Sequence[Scene], NDArray[np.integer]]]) -> Scenes:
-        """Scenes of several sweeps, each again and again at its places in one; equal records are
-        kept once."""
+        """Return the scenes of several sweeps, each repeated at its places in the joined one.
+
+        Equal records are kept once.
+        """
         known: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
         total = sum(len(places) for _, places in parts)
         which = {section: np.empty(total, dtype=np.int32) for section in SECTIONS}
         for scenes, places in parts:
-            own = cls.of(scenes)
+            part = cls.of(scenes)
             for section, records in known.items():
-                at = [records.setdefault(record, len(records)) for record in own.records[section]]
-                which[section][places] = np.resize(
-                    np.array(at, dtype=np.int32)[own.which[section]], len(places)
-                )
+                numbers = [records.setdefault(x, len(records)) for x in part.records[section]]
+                of_points = np.array(numbers, dtype=np.int32)[part.which[section]]
+                which[section][places] = np.resize(of_points, len(places))
         return cls({section: tuple(records) for section, records in known.items()}, which)
 
     def on(self, body: Body) -> Scenes:
@@ -138,12 +139,10 @@ def law_regions(scenes: Sequence[Scene]) -> set[str]:
 def count_points(
     scenes: Sequence[Scene], sections: Sequence[str], is_so: Callable[[Scene], bool]
 ) -> int:
-    """How many points are so, where that is decided by the sections named."""
+    """Return the number of points that satisfy a condition on the sections named."""
     some, of = combinations(scenes, *sections)
-    return int(
-        np.bincount(of, minlength=len(some))
-        @ np.array([is_so(scene) for scene in some], dtype=np.intp)
-    )
+    satisfied = np.array([is_so(scene) for scene in some], dtype=np.intp)
+    return int(np.bincount(of, minlength=len(some)) @ satisfied)
 
 
 def of_stiffness(scenes: Sequence[Scene]) -> tuple[str, ...]:
