@@ -106,8 +106,10 @@ def test_one_command_makes_the_chart_of_a_point_and_others_show_it_again(
     result = tcstudy_command(
         "cost", "block.yaml", "--plot", "a.png", "--at", "tau=0.01", cwd=tmp_path, code=0
     )
-    assert "Scene: tau = 0.01. Errors of u in energy" in result.stdout
-    assert "The study's own settings (uniform, level 1, separable-newton)" in result.stdout
+    assert "  Trust     one scene: tau = 0.01; 2 runs each" in result.stdout
+    answer = " ".join(result.stdout.split("  Trust")[0].split())
+    assert "the study's mesh: error 40 % in" in answer
+    assert "(uniform, level 1, separable-newton)" in answer
     assert "run 2 of 2, about" in result.stderr
     assert "\r" not in result.stderr
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"

@@ -169,12 +169,12 @@ def is_finished(study: Study, kind: Kind, output: Path, **decisive: object) -> b
     something else, or is damaged, has not; what is wrong with it is said where it would be written.
     Nor has one with a journal beside it, which is used or removed there.
     """
-    if output.with_name(output.name + PARTIAL).exists():
-        return False
     try:
+        if output.with_name(output.name + PARTIAL).exists():
+            return False
         if not holds(output, kind, study, **decisive):
             return False
-    except StoreError:
+    except (OSError, StoreError):  # a name that the system does not take, for one
         return False
     if kind == "run":
         return not Kept.of(output, study, study).todo.any()

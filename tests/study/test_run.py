@@ -122,7 +122,7 @@ def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
     assert found["friction_resultant"].values.tolist() == [0.0, 0.0]
     assert not found["level_1"]["xi"].values.any()
     assert (found["inclusion_residual"].values > 0.0).all()
-    (row,) = (
+    *_, row = (
         line.split()
         for line in text_of(tmp_path / "out.nc").splitlines()
         if "unique" in line.split()
@@ -258,7 +258,7 @@ def test_a_number_that_breaks_down_ends_its_point_and_no_run(
         ("[70 mm, 20 mm]", "[70 mm, 80 mm]", "output.probes.core: the point (0.07, 0.08) is 0.03 outside the body"),
         ("{tip: [200 mm, 0 mm], core: [70 mm, 20 mm]}", "[1, 2]",
          "output.probes: must be a mapping of names to points, but is a list"),
-        ("core: [70 mm", "a b: [70 mm", "is not a name; use letters, digits and _"),
+        ("core: [70 mm", "a b: [70 mm", "is not a name; use at most 100 letters, digits and _"),
         ("von_mises]", "von_mieses]", "did you mean 'von_mises'?"),
     ],
 )  # fmt: skip

@@ -184,7 +184,8 @@ def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
         (tmp_path / "s.yaml").write_text(STABILITY + f"solver: {name}\n")
         tree = tcstudy.run(tmp_path / "s.yaml", tmp_path / f"{len(found)}.nc")
         found.append(tree.to_dataset().load())
-        assert "of them for the body itself" in verdict_of(tmp_path / f"{len(found) - 1}.nc")[0]
+        trust = verdict_of(tmp_path / f"{len(found) - 1}.nc").trust
+        assert trust[1] == "6 of 7 unique for the body itself"
     data, other = found
     for name in ("lambda_1_low", "lambda_1_high", "lambda_1_dual", "proved_unique"):
         np.testing.assert_allclose(data[name], other[name], rtol=1e-12)
