@@ -83,6 +83,8 @@ def starter(study: Path) -> Path:
     nothing = Snapshot(study, None)
     if not nothing.is_there():
         fail(f"{study}: is there already, and is kept; name another file")
+    if not study.parent.is_dir():
+        fail(f"{study}: cannot be written (there is no folder {study.parent}); name another file")
     schema = study.parent / SCHEMA
     text = STARTER.read_text(encoding="utf-8").replace("study.yaml", study.name)
     try:
