@@ -48,8 +48,8 @@ def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
         law("slip-weakening", tau_s=2e7, tau_k=5e6, delta=4e-5)
         law(points=[(0, 2e7), (4e-5, 5e6)])  # straight between them, mirrored to s < 0 (odd=False: not)
 
-    Names and parameters are those of a study's section `friction` (configs/README.md, "Friction
-    laws"); numbers in consistent units: tractions [Pa], slips [m], stiffness k and slope [Pa/m].
+    Names and parameters are those of a study's section `friction`
+    (configs/howto/laws.md); numbers in consistent units: tractions [Pa], slips [m], stiffness k and slope [Pa/m].
 
     Raises ProblemError for an unknown name, a missing or meaningless parameter, or a law that
     violates growth condition (15) or (16) of the paper.

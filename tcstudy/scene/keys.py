@@ -198,7 +198,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "heat",
         "section",
-        "`alpha` and `theta_bar`, or `theta` itself; [from which zero](#heat-by-edge)",
+        "`alpha` and `theta_bar`, or `theta` itself; [from which zero](howto/edges.md#heat-an-edge)",
         example=_HEAT,
     ),
     needed(

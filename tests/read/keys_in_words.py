@@ -20,8 +20,8 @@ One row per key, one table per section. `tests/read/keys_in_words.py` makes this
 - **edges**: the boundary condition types that take the key. Without an entry all take it.
 - `NAME` and `EDGE` are names of your choice. `[]` is an entry of a list.
 
-[The guide](README.md#the-study-file) shows the sections at work. Its table of [friction laws](README.md#friction-laws)
-has the parameters of every law.
+[The guide](README.md#the-study-file) shows the sections at work. [Friction laws](howto/laws.md) have a page with their
+parameters.
 """
 BESIDE = "\n## Beside the sections\n\n"
 PLACE = {"sections": "[]", "named sections": ".NAME"}
