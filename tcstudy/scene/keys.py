@@ -223,7 +223,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "sweep",
         "section",
-        "[what varies](#sweeps): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`",
+        "[what varies](howto/sweeps.md): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`",
     ),
     key("exact", "section", "the exact solution, if you know it"),
     key("path", "section", "[equilibria on the branch from rest](howto/paths.md)"),
