@@ -53,11 +53,10 @@ def test_every_study_is_in_the_index() -> None:
 
 
 HOWTO = tuple(f"configs/howto/{path.name}" for path in sorted((CONFIGS / "howto").glob("*.md")))
-PAGES = ("README.md", "configs/tutorial.md", "results/commands.md", *HOWTO)
+PAGES = ("README.md", "configs/README.md", "configs/tutorial.md", "results/commands.md", *HOWTO)
 """Pages in plain sentences."""
 GUIDES = (
     *PAGES,
-    "configs/README.md",
     "configs/reference.md",
     "results/README.md",
     "tcstudy/README.md",
@@ -124,7 +123,7 @@ def test_guides_show_what_the_commands_print(
     )
 
 
-MOST_WORDS = {"README.md": 950}
+MOST_WORDS = {"README.md": 950, "configs/README.md": 2300}
 LONGEST_PAGE = 1800
 LONGEST_SENTENCE, LONGEST_PARAGRAPH, LONGEST_CELL = 25, 90, 30
 
