@@ -16,7 +16,7 @@ from tcstudy.data.reading import axis_names, open_root, sweep_dims
 from tcstudy.data.schema import GEOMETRIES, PointStatus
 from tcstudy.errors import DrawError, UsageError, hint
 from tcstudy.reports.symbols import symbol
-from tcstudy.reports.text import number, scaled_labels
+from tcstudy.reports.text import first_largest, number, scaled_labels
 from tcstudy.scene import units as u
 
 if TYPE_CHECKING:
@@ -54,8 +54,7 @@ def of_largest_slip(data: Any) -> dict[str, int]:
     slips = slip.max([d for d in slip.dims if d not in dims]).transpose(*dims).values
     if not np.isfinite(slips).any():
         return dict.fromkeys(dims, 0)
-    place = np.unravel_index(int(np.nanargmax(slips)), slips.shape)
-    return {d: int(i) for d, i in zip(dims, place, strict=True)}
+    return dict(zip(dims, first_largest(slips), strict=True))
 
 
 def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:

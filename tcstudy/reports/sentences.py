@@ -27,6 +27,7 @@ from tcstudy.reports.text import (
     between,
     counted,
     failure_kinds,
+    first_largest,
     number,
     pretty,
     scaled_labels,
@@ -341,7 +342,7 @@ def _answer(run: RunSeen) -> tuple[str, ...]:
     slip, ok = run.take("u_T_max"), run.ok
     if slip is None:
         return ()
-    most = np.unravel_index(int(np.argmax(np.where(ok, slip, -1.0))), ok.shape)
+    most = first_largest(np.where(ok, slip, -1.0))
     if slip[most] == 0.0:
         return ("nothing slips",)
     spans = dict[str, tuple[float, float]]()
@@ -497,8 +498,8 @@ def _most(share: Array, known: Flags) -> tuple[float, tuple[int, ...]] | None:
     if not known.any():
         return None
     masked = np.where(known, share, -1.0)
-    place = np.unravel_index(int(np.argmax(masked)), masked.shape)
-    return float(masked[place]), tuple(int(i) for i in place)
+    place = first_largest(masked)
+    return float(masked[place]), place
 
 
 def _slip_rounding(run: RunSeen) -> Array | float:

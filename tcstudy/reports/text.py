@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.data.files import without_paths
 from tcstudy.data.schema import PointStatus
@@ -343,6 +343,17 @@ class Heading:
 
     text: str
     level: int = 2
+
+
+EQUAL = 1e-9
+"""Numbers that differ by this part of the largest are equal but for rounding."""
+
+
+def first_largest(sizes: NDArray[np.float64]) -> tuple[int, ...]:
+    """Return the place of the first number that is the largest but for rounding; NaN is none."""
+    largest = np.nanmax(sizes)
+    place = int(np.argmax(sizes >= largest - EQUAL * abs(largest)))
+    return tuple(int(i) for i in np.unravel_index(place, sizes.shape))
 
 
 def facts_by_label(lines: Iterable[tuple[str, str]]) -> dict[str, tuple[str, ...]]:

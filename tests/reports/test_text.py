@@ -1,11 +1,13 @@
 """Numbers as a table shows them; failures in few lines: what belongs together, ranges, an example,
 a remedy."""
 
+import numpy as np
 import pytest
 
 from tcstudy.data.schema import PointStatus
 from tcstudy.reports.text import (
     failure_lines,
+    first_largest,
     fitting,
     label,
     labelled,
@@ -98,3 +100,10 @@ def test_labelled_lines_stand_in_two_columns_of_80_characters() -> None:
     with fitting(40):
         narrow = render([labelled([("Answer", long)])])
     assert max(map(len, narrow.split("\n"))) <= 40
+
+
+def test_the_largest_is_the_first_of_those_equal_but_for_rounding() -> None:
+    sizes = np.array([[1.0, np.nan, 2.0 - 1e-12], [2.0, 1.5, 2.0 + 1e-12]])
+    assert first_largest(sizes) == (0, 2)
+    assert first_largest(1e-30 * sizes) == (0, 2)
+    assert first_largest(np.array([1.0, 1.0 + 1e-6])) == (1,)

@@ -28,6 +28,7 @@ from tcstudy.reports.text import (
     columns_table,
     counted,
     digits_lost,
+    first_largest,
     number,
     prefix,
     pretty,
@@ -438,7 +439,7 @@ def _history_answer(
     """Return the largest slip with its step, lengths of the contact line, and the jumps."""
     units = str(data["u_T_max"].attrs["units"])
     slip = np.where(solved, by_point(data["u_T_max"], data), -1.0)
-    point, step = np.unravel_index(int(np.argmax(slip)), slip.shape)
+    point, step = first_largest(slip)
     jumps = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
     jumped = counted(jumps, "jump") if jumps else "no jumps"
     if slip[point, step] <= 0.0:
