@@ -351,8 +351,10 @@ EQUAL = 1e-9
 
 def first_largest(sizes: NDArray[np.float64]) -> tuple[int, ...]:
     """Return the place of the first number that is the largest but for rounding; NaN is none."""
-    largest = np.nanmax(sizes)
-    place = int(np.argmax(sizes >= largest - EQUAL * abs(largest)))
+    known = np.where(np.isnan(sizes), -np.inf, sizes)
+    largest = float(known.max())
+    slack = EQUAL * abs(largest) if math.isfinite(largest) else 0.0
+    place = int(np.argmax(known >= largest - slack))
     return tuple(int(i) for i in np.unravel_index(place, sizes.shape))
 
 

@@ -107,3 +107,5 @@ def test_the_largest_is_the_first_of_those_equal_but_for_rounding() -> None:
     assert first_largest(sizes) == (0, 2)
     assert first_largest(1e-30 * sizes) == (0, 2)
     assert first_largest(np.array([1.0, 1.0 + 1e-6])) == (1,)
+    assert first_largest(np.array([np.nan, 1.0, np.inf])) == (2,)
+    assert first_largest(np.full(3, np.nan)) == (0,)
