@@ -220,7 +220,9 @@ def numbers(scene: Scene) -> Found:
             yield (*path, "spring", spring_row.name), Number(spring_row, stiffness, idle)
     if isinstance(scene.friction, EdgeLaws):
         for edge, law, strength in scene.friction.laws:
-            yield from _of_law(law, ("friction", edge), strength)
+            # a law of all edges whose strength varies has no edge
+            path = ("friction", edge) if edge else ("friction",)
+            yield from _of_law(law, path, strength)
     else:
         yield from _of_law(scene.friction, ("friction",), 1.0)
 
