@@ -59,6 +59,10 @@ from tcstudy.study.workers import (
 TRIAL = 6_000
 """Displacement unknowns of the mesh of a trial at most, about."""
 FEW, MANY = 8, 64
+"""Points of a trial and of its repetition at most."""
+FEW_SHARE, MANY_SHARE = 8, 3
+"""One of so many points of a study is in the trial, and in its repetition: a dry run costs less
+than the run."""
 ENOUGH = 2.0
 """Seconds that FEW points take, from which on no more are tried."""
 FACTOR = 0.5
@@ -238,7 +242,7 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     """What a run of a study takes with so many workers, whose forecast is `found`, by a trial on
     its largest geometry.
 
-    The trial runs FEW and then MANY of its points on one mesh (`_trial_mesh`), which tells mesh and
+    The trial runs few and then more of its points on one mesh (`_trial_mesh`), which tells mesh and
     factor from points.
     """
     own, largest = _geometries(study) if study.variants else ([study], study)
@@ -251,7 +255,9 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     if why := unknown(study):
         return Resources(math.nan, memory, why)
     mesh = _trial_mesh(refined(found.levels, study.mesh), study.mesh)
-    few, many = (replace(_sample(largest, count), mesh=mesh) for count in (FEW, MANY))
+    points = len(largest.scenes)
+    few = replace(_sample(largest, min(FEW, max(1, points // FEW_SHARE))), mesh=mesh)
+    many = replace(_sample(largest, min(MANY, max(1, points // MANY_SHARE))), mesh=mesh)
     try:
         with threadpool_limits(1, user_api="blas"):
             n_dof, m, body, point = _timed(few, many)
@@ -267,7 +273,7 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
             each = point * (POINT + NODE * size.n_contact) / (POINT + NODE * m) + WRITTEN
             seconds += (
                 body * factors * (size.n_dof / n_dof) ** STAGES[1]
-                + max(0, len(one.scenes) - FEW) * each
+                + max(0, len(one.scenes) - len(few.scenes)) * each
             )
     return Resources(seconds, memory)
 
