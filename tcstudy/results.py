@@ -140,7 +140,7 @@ class Result:
         def copy(aside: FilePath) -> None:
             shutil.copyfile(self.file, aside)
 
-        with Journal.lock(target) as lock:
+        with Journal.open(target) as lock:
             is_other = target.exists() and target.read_bytes() != self.file.read_bytes()
             if is_other and not force:
                 raise StoreError(
@@ -220,7 +220,7 @@ def _remove_damaged(
     if is_damaged():
         from tcstudy.data.records import Journal
 
-        with Journal.lock(target, wait=True):
+        with Journal.open(target, wait=True):
             if is_damaged():
                 target.unlink(missing_ok=True)
 

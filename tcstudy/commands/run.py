@@ -329,7 +329,7 @@ def do(
         if whole:
             remove_finished(output, study)
             return output, True, there
-        with Journal.lock(output, wait) as journal:
+        with Journal.open(output, None, wait) as journal:
             if not snapshot.is_there():
                 if problems := check_writable(output, 0):
                     fail("\n".join(problems))

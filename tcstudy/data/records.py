@@ -215,8 +215,7 @@ class Busy(StoreError):
 
 
 class Journal:
-    """The journal of one output, whose lock this process has. Make it with `lock` and `begin`, or
-    with `open`.
+    """The journal of one output, whose lock this process has. Make it with `open`.
 
     warnings: sentences for the user, for example that an old journal was set aside
     seen:     what stands in place of the output since it is locked, and may be replaced; None if anything may be
@@ -233,10 +232,11 @@ class Journal:
         self._connection, self._synced, self._closed = connection, -SYNC_SECONDS, False
 
     @classmethod
-    def lock(cls, output: Path, wait: bool = False) -> Journal:
+    def open(cls, output: Path, study: Study | None = None, wait: bool = False) -> Journal:
         """Take the lock of an output, before anything that stands in its place is judged.
 
-        wait: until another process that has it ends
+        study: whose journal is begun at once; None where `begin` does it later, or nothing
+        wait:  until another process that has the lock ends
         Raises Busy if another process has it, StoreError if the directory cannot be written.
         """
         path = journal_path(output)
@@ -260,17 +260,12 @@ class Journal:
         remove_stale(output, alone=True)
         sync_directory(path.parent)
         journal.seen = Snapshot.of(output)
-        return journal
-
-    @classmethod
-    def open(cls, output: Path, study: Study) -> Journal:
-        """Take the lock of an output and begin its journal. Raises as `lock` and `begin` do."""
-        journal = cls.lock(output)
-        try:
-            journal.begin(study)
-        except BaseException:
-            journal.close()
-            raise
+        if study is not None:
+            try:
+                journal.begin(study)
+            except BaseException:
+                journal.close()
+                raise
         return journal
 
     def begin(self, study: Study) -> None:
@@ -398,7 +393,7 @@ def remove_finished(output: Path, study: Study) -> None:
     """Remove the journal of a study whose file is complete, which a run leaves that is killed after
     it has written the file. One of another study, or at work, stays."""
     if journal_path(output).exists():
-        with suppress(StoreError), Journal.lock(output) as journal:
+        with suppress(StoreError), Journal.open(output) as journal:
             if journal.belongs_to(study):
                 journal.discard()
 

@@ -89,7 +89,7 @@ def execute_history(
     """Follow the histories of a study and write their file; until it is there, a journal beside it
     keeps what is done.
 
-    force: compute again what the file holds;  jobs, dask: as of a run;  wait: as of `Journal.lock`
+    force: compute again what the file holds;  jobs, dask: as of a run;  wait: as of `Journal.open`
     Returns how many points there are, how many histories ended early, and how many steps were there before.
     Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
     GeometryFailed if the body has no mesh, WorkersFailed if there are no workers.
@@ -108,7 +108,7 @@ def execute_history(
     with (
         threadpool_limits(1, user_api="blas"),
         closing(WorkerPool(jobs, dask)) as staff,
-        Journal.lock(output, wait) as journal,
+        Journal.open(output, None, wait) as journal,
     ):
         # looked at again: another process may have written it before the lock was taken
         done, is_whole = (Steps(), False) if force else _known(output, study)

@@ -288,7 +288,7 @@ def to_file(
     if problems := check_writable(path, SMALL):
         raise StoreError("; ".join(problems))
     tell(remarks := [*said, *warnings(alone or study)])
-    with lock or Journal.lock(path) as journal:
+    with lock or Journal.open(path) as journal:
         with threadpool_limits(1, user_api="blas"):
             record = find()
         attributes = collect(study, command, remarks=remarks)
@@ -344,7 +344,7 @@ def execute(
         closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool,
         # two BLAS threads make the many small dense operations of a sweep slower, not faster
         threadpool_limits(1, user_api="blas"),
-        lock or Journal.lock(output) as journal,
+        lock or Journal.open(output) as journal,
     ):
         journal.begin(study)
         tell([*journal.warnings, *(remarks := warnings(study))])
