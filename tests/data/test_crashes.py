@@ -142,9 +142,9 @@ def test_damaged_files_without_a_seal_are_read_or_refused_in_one_line(
 
     The server ends a process that reads without end, as HDF5 itself does with some of them.
     """
-    chance = random.Random(1)
+    chance = random.Random(2)
     whole = old[: old.rindex(b"\ntcstudy result")]
-    kinds = ("cut", "zeroed", "flipped") * 4
+    kinds = ("cut", "zeroed", "flipped", "cut") * 3
     codes = []
     for kind in kinds:
         damaged = bytearray(whole)
