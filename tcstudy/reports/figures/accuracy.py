@@ -255,8 +255,8 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     if own_setting is not None:  # white inside where another setting is better in both
         star = {"marker": "*", "markersize": 13, "markeredgecolor": style.INK, "linestyle": "none"}
         star |= {"color": "white" if own_setting.dominated else GOLD}
-        beaten = " (beaten)" * own_setting.dominated
-        time.line(own_setting.time, own_setting.error, **star, label=f"the study's own{beaten}")
+        dominated = " (dominated)" * own_setting.dominated
+        time.line(own_setting.time, own_setting.error, **star, label=f"the study's own{dominated}")
         unknowns.line(own_setting.n_dof, own_setting.error, **star)
     if not all(s.solved and not s.dominated for s in found):
         open_ = {
@@ -266,7 +266,7 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
             "linestyle": "none",
             "markerfacecolor": "white",
         }
-        time.line([], [], **open_, label="open: beaten, or not converged")
+        time.line([], [], **open_, label="open: dominated, or not converged")
     errors = [s.error for s in found if s.error > 0]
     if errors:
         time.limits[1] = unknowns.limits[1] = min(errors) / 1.6, max(errors) * 1.6
