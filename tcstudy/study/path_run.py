@@ -401,9 +401,8 @@ def shortfalls(study: Study, record: Record) -> list[str]:
     acceptance = Acceptance(study.solver.tolerance)
     solved = acceptance.accepts(values["solution_residual"], values["solution_rounding"])
     if inexact := int(np.count_nonzero(~solved)):
-        found.append(
-            f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual"
-        )
+        solutions = "1 solution misses" if inexact == 1 else f"{inexact} solutions miss"
+        found.append(f"{solutions} the tolerance {acceptance.aim:g}; see solution_residual")
     if told.get("complete_reason"):
         found.append(f"{UNPROVED_BRANCHES}: {told['complete_reason']}")
     if study.path.hysteresis and not (values["loop_complete"] and values["loop_closed"]):
