@@ -157,9 +157,8 @@ def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel
             index = block.index(row)
             found[index] = solution = solution_of(study, level, block, row)
             if not solution.ok:
-                say(
-                    f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}"
-                )
+                place = f"point {index} on level {i}" if index else f"level {i}"
+                say(f"{place}: {solution.status.name.lower()}: {solution.reason}")
         levels.append(SolvedLevel.of(level, found))
     return levels
 
