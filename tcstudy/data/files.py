@@ -767,18 +767,17 @@ def holds(path: Path, kind: Kind, study: Study | None, **asked: Any) -> bool:
 
 
 def already_there(path: Path, study: Study) -> list[str]:
-    """Notes on results that a run of the study would find in its output; a history goes on with
-    what it finds."""
+    """Return notes on results that a run of the study would find in its output.
+
+    A history has none: it goes on with what it finds.
+    """
     if study.kind == "history":
         return []
+    decisive = {"data_sha256": study.fit.sha256} if study.fit else {}
     try:
-        there = holds(
-            path, study.kind, study, **({"data_sha256": study.fit.sha256} if study.fit else {})
-        )
+        is_there = holds(path, study.kind, study, **decisive)
     except StoreError as error:
         return [f"a run would stop here: {error}"]
-    return (
-        [f"{path} holds these results already; a run ends at once, --force computes them again"]
-        if there
-        else []
-    )
+    if not is_there:
+        return []
+    return [f"{path} holds these results already; a run ends at once, --force computes them again"]
