@@ -207,7 +207,7 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
     if study.kind == "path":
         study = options.read = outside_the_sweep(study)
     from tcstudy.data.files import already_there
-    from tcstudy.reports.export import json_text
+    from tcstudy.reports.json_values import json_text
     from tcstudy.reports.terminal.progress import expected_words, forecast_lines, forecast_text
     from tcstudy.reports.text import facts_by_label
     from tcstudy.study.plan import hands, plan, resources

@@ -165,7 +165,8 @@ def say(
             tell(remarks)
             print(f"{path}: {verdict_of(path).sentence}")
         elif options.manner == "json":
-            from tcstudy.reports.export import brief, json_text
+            from tcstudy.reports.export import brief
+            from tcstudy.reports.json_values import json_text
             from tcstudy.reports.terminal.indices import indices_json
 
             print(json_text(brief(path) | ({"indices": indices_json(path, of)} if of else {})))

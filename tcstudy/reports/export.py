@@ -55,7 +55,7 @@ from tcstudy.data.files import (
 from tcstudy.data.reading import by_point, load_root, open_root
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import StoreError, UsageError
-from tcstudy.reports.page.parts import Json, flag_words, plain
+from tcstudy.reports.json_values import Json, flag_words, json_text, json_value
 from tcstudy.reports.picture import (
     body_fields,
     contact_line,
@@ -446,7 +446,9 @@ def brief(path: Path) -> dict[str, Json]:
     by label. Raises StoreError."""
     kind, data = kind_of(path), load_root(path)
     told = {
-        name: plain(value) for name, value in data.attrs.items() if name not in ("title", WARNINGS)
+        name: json_value(value)
+        for name, value in data.attrs.items()
+        if name not in ("title", WARNINGS)
     }
     every = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
     values = {name: one for name, one in every if "node" not in one.dims}
@@ -463,8 +465,3 @@ def brief(path: Path) -> dict[str, Json]:
         "dimensions": {name: one.dims for name, one in values.items()},
         "values": {name: flag_words(one, one.values).tolist() for name, one in values.items()},
     }
-
-
-def json_text(value: Json) -> str:
-    """One line of JSON; numbers that there are not are null."""
-    return json.dumps(plain(value), ensure_ascii=False, allow_nan=False)

@@ -15,7 +15,6 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel
+from tcstudy.reports.json_values import Json, flag_words, json_value
 from tcstudy.reports.text import Heading, Part, Table, column_notes
 
 COLOURS = {
@@ -123,21 +123,6 @@ def column(name: str, title: str, units: str, values: Any, box: Container) -> Js
     }
 
 
-def flag_words(one: Any, values: Any) -> Any:
-    """Values of a variable, those of a flag as its words."""
-    if "flag_meanings" not in one.attrs:
-        return values
-    words_of = dict(
-        zip(
-            np.atleast_1d(one.attrs["flag_values"]).tolist(),
-            one.attrs["flag_meanings"].split(),
-            strict=True,
-        )
-    )
-    words = {value: word.replace("_", " ") for value, word in words_of.items()}
-    return np.vectorize(words.get, otypes=[object])(values)
-
-
 def columns_of(data: Any, dim: str, box: Container) -> list[Json]:
     """A column of every variable that has a value for each place of a dimension, by its long
     name."""
@@ -208,8 +193,6 @@ TYPES = {"f8": "<f8", "f4": "<f4", "i4": "<i4", "i2": "<i2", "i1": "i1", "u2": "
 LARGEST = 32767
 """Quantised numbers go from −LARGEST to LARGEST."""
 
-Json = Any
-
 
 @dataclass
 class Container:
@@ -256,23 +239,8 @@ class Container:
     def packed(self, header: Json) -> str:
         """Header and arrays, compressed, as base64 text."""
         text = json.dumps(
-            plain(header), ensure_ascii=False, separators=(",", ":"), allow_nan=False
+            json_value(header), ensure_ascii=False, separators=(",", ":"), allow_nan=False
         ).encode()
         head = len(text).to_bytes(4, "little") + text
         head += b"\0" * (-len(head) % 8)
         return base64.b64encode(gzip.compress(head + b"".join(self._blocks), 9, mtime=0)).decode()
-
-
-def plain(value: Json) -> Json:
-    """A JSON value without what JSON has not: NaN and infinities become None and texts."""
-    if isinstance(value, dict):
-        return {str(key): plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
-    return value

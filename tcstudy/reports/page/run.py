@@ -35,7 +35,8 @@ from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures.body import boundary_edges, exaggeration
 from tcstudy.reports.figures.point import slip_range
 from tcstudy.reports.figures.sweep import has_equal_ratios
-from tcstudy.reports.page.parts import Container, Json
+from tcstudy.reports.json_values import Json
+from tcstudy.reports.page.parts import Container
 from tcstudy.reports.picture import (
     LineFields,
     NamedEdge,

@@ -33,9 +33,9 @@ from tcstudy.reports.figures.path import (
     response_of,
     solved_steps,
 )
+from tcstudy.reports.json_values import Json
 from tcstudy.reports.page.parts import (
     Container,
-    Json,
     beside,
     choice,
     column,

@@ -11,7 +11,8 @@ import pytest
 import tcstudy
 from tcstudy.data.reading import load_root, open_results
 from tcstudy.errors import DrawError, UsageError
-from tcstudy.reports.export import brief, json_text, write_table
+from tcstudy.reports.export import brief, write_table
+from tcstudy.reports.json_values import json_text
 from tests.reports.conftest import REASON, Stored
 
 
