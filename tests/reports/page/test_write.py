@@ -164,7 +164,7 @@ def test_a_page_knows_every_role() -> None:
     """An edge of a role that its script does not know would end it."""
     script = (Path(write.__file__).parent / "assets" / "point.js").read_text(encoding="utf-8")
     table = script.partition("TC.ROLES = {")[2].partition("};")[0]
-    assert {*re.findall(r"(\w+): { words", table)} == {*ROLES}
+    assert {*re.findall(r"(\w+): \{\s*words", table)} == {*ROLES}
 
 
 def test_a_history_has_its_steps_and_a_sweep_of_totals(stored: Stored) -> None:
