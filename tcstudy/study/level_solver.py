@@ -81,7 +81,7 @@ class Times:
     estimate: float = 0.0
 
     @contextmanager
-    def of(self, what: str) -> Iterator[None]:
+    def measure(self, what: str) -> Iterator[None]:
         """What is done within it takes so much more."""
         clock = time.perf_counter()
         yield
@@ -279,7 +279,7 @@ class LevelSolver:
                 record.u_T[row],
                 dict[str, Any](),
             )
-            with self.times.of("estimate"):
+            with self.times.measure("estimate"):
                 if guarantee:
                     found = self._bounds.look(scene, v)
                 if self.estimator is not None:
