@@ -19,7 +19,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of, name_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
 from tcstudy.reports.picture import LineFields, Picture, edge_laws
-from tcstudy.reports.text import DIGITS, counted, number, pretty, with_unit
+from tcstudy.reports.text import LAMBDA_1_TOLERANCE, counted, number, pretty, with_unit
 from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 
 if TYPE_CHECKING:
@@ -375,7 +375,7 @@ def _facts(point: Picture) -> list[str]:
         units = str(at["omega"].attrs.get("units", "1"))
         omega, lambda_1 = (with_unit(float(at[name]), units, 3) for name in ("omega", "lambda_1"))
         steep = f"steepest fall ω = {omega}, stiffness λ_1 = {lambda_1}"
-        if (error := float(at["lambda_1_error"])) > DIGITS:
+        if (error := float(at["lambda_1_error"])) > LAMBDA_1_TOLERANCE:
             steep += f" (relative error {number(error, 2)})"
     return [
         ",  ".join(

@@ -52,7 +52,7 @@ from tcstudy.reports.picture import (
 from tcstudy.reports.rounding import Floors, floors, stored_study
 from tcstudy.reports.select_point import numbers_of
 from tcstudy.reports.sentences import several
-from tcstudy.reports.text import DIGITS, named, study_unit
+from tcstudy.reports.text import LAMBDA_1_TOLERANCE, named, study_unit
 from tcstudy.scene.points import combinations
 from tcstudy.scene.study import Study
 
@@ -477,7 +477,7 @@ def live_part(stored: Stored, box: Container) -> Json | None:
         "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),
         "c": box.array(stored.groups[level]["c"].values),
         "lambda_1": box.array(lambda_1),
-        "proved": box.array(lambda_1 * (1.0 - np.maximum(error, DIGITS))),
+        "proved": box.array(lambda_1 * (1.0 - np.maximum(error, LAMBDA_1_TOLERANCE))),
         **{name: box.array(by_point(data[name], run)) for name in names},
     }
 
