@@ -10,7 +10,8 @@ so that with k = 1 − w/λ_low > 0
     ‖u − u_h‖ ≤ (η + √(η² + 4kM))/2k.
 Springs add their energy to a, and that of w − u_h to η². τ is that of the contact problem on the
 equilibrium elements, whose ξ* lies in b̂ at the Gauss points, and the best of some w is taken; any
-would do.
+would do. Where the temperature is computed, η grows by the bound T of its error (heat_bound.py): with
+ε = θ − θ_h the first integral gains ∫βε tr ε(e) ≤ ‖ε‖_ρ‖e‖, as c⁻¹I:I = 1/(λ + μ).
 
 η:    on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so that nothing cancels in
       η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (guaranteed.py).
@@ -34,8 +35,10 @@ from tcstudy.fem.forms import values_at
 from tcstudy.laws.composed import nodal, piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.heat import Recent
+from tcstudy.offline.heat_bound import HeatBounds
 from tcstudy.offline.level import Level
 from tcstudy.scene.guarantee import why_no_bound
+from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]
@@ -67,7 +70,11 @@ class ErrorBounds:
 
     level: Level
     _loads: Recent[_Load] = field(default_factory=lambda: Recent(8, lambda _: 1))
+    _heat: HeatBounds = field(init=False)
     _polygons: Recent[Laws] = field(default_factory=lambda: Recent(64, lambda _: 1))
+
+    def __post_init__(self) -> None:
+        self._heat = HeatBounds(self.level.mesh)
 
     def look(self, scene: Scene, v: Array) -> dict[str, float]:
         """Return the stored variables of the bound for a solution v (m,), NaN without a proof."""
@@ -77,6 +84,7 @@ class ErrorBounds:
         line, law, low = level.line, self.law(scene), level.band(scene).low
         u = level.displacement(scene, v).reshape(2, -1).T
         eta, xi = self.equilibrated(scene, law, u)
+        eta += self.thermal_part(scene)
         along = (line.ends[:, 1] - line.ends[:, 0]) / line.lengths[:, None]
         slip = np.einsum("sed,sd->se", u[line.segments], along)
         starts = [0.0, law.omega] if law.omega < low else [0.0]
@@ -97,6 +105,12 @@ class ErrorBounds:
         least_norm = norm - bound
         relative = bound / least_norm if least_norm > 0.0 else float("nan")
         return {"error_bound": bound, "error_bound_relative": relative}
+
+    def thermal_part(self, scene: Scene) -> float:
+        """Return T of a computed temperature (heat_bound.py) [√(J/m)], 0 for a given one."""
+        if not (scene.material.expands and needs_heat_solve(scene)):
+            return 0.0
+        return self._heat.bound(scene, self.level.temperature(scene).theta)
 
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
         """Return η [√(J/m)] and ξ* (s, 2) at the ends of the segments of Γ_C [Pa].

@@ -6,7 +6,6 @@ import math
 
 from tcstudy.expressions.expression import Expression, Scalar, is_linear
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
 
 
@@ -23,8 +22,9 @@ def why_no_bound(scene: Scene) -> str:
         for key, datum in data:
             if not is_linear(datum):
                 return f"{key} of {name} is not linear in x and y; write it so"
-    if needs_heat_solve(scene):
-        return "the temperature is computed on the mesh; give theta, or the same theta_bar everywhere and no q"
+    for name, theta in scene.held_theta:
+        if not is_linear(theta):
+            return f"theta of {name} is not linear in x and y; write it so"
     if scene.material.expands and scene.heat.theta is not None and not is_linear(scene.heat.theta):
         return "theta is not linear in x and y; write it so"
     if any(law.omega == math.inf for law in scene.laws):

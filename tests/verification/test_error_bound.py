@@ -169,7 +169,11 @@ mesh: {maxh: 0.5}
         ("mesh.maxh=0.4", ""),
         ("loads={f: [x, 0]}", "f varies"),
         ("boundary.top.g=[x*y, 0]", "g of top is not linear"),
-        ("heat.q=1", "computed on the mesh"),
+        ("heat.q=1", ""),
+        (
+            "boundary.right={role: free, heat: {theta: x*y}}; heat={}",
+            "theta of right is not linear",
+        ),
         ("heat={theta: x*y}; boundary.right=free", "theta is not linear"),
         (
             "friction={law: piecewise-linear, points: [[0, 0.1], [0.1, 0.1], [0.1, 0.05]]}",

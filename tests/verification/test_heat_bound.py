@@ -1,0 +1,209 @@
+"""The bound of what a computed temperature adds to the error: exact solutions, dense eigenvalues,
+and random heated scenes against meshes refined thrice."""
+
+import json
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.norms import prolongation
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.offline.error_bound import ErrorBounds
+from tcstudy.offline.heat_bound import (
+    TRIANGLE_POINTS,
+    TRIANGLE_WEIGHTS,
+    CompliancePair,
+    HeatBounds,
+)
+from tcstudy.scene.records import Scene
+from tests.verification.scenes import levels_of, study_of
+from tests.verification.test_error_bound import bounded, loaded_scene_of
+
+Array = NDArray[np.float64]
+
+PARABOLA = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, right: free, top: {role: convection, alpha: ALPHA, theta_bar: 0}}
+material: {E: 1, nu: 0.3, k: 1, alpha_T: 1e-2}
+heat: {q: 2}
+friction: {law: tresca, tau: 1e-4}
+mesh: {maxh: 0.4, levels: 3}
+"""
+
+
+@pytest.mark.parametrize("alpha", [1e-3, 1.0, 1e3])
+def test_the_energy_of_an_exact_temperature_is_its_error(alpha: float) -> None:
+    """θ = 1 − y² + 2/α: its flux is linear, so that η_θ is the error itself; M_h halves with h."""
+    study = study_of(PARABOLA.replace("ALPHA", repr(alpha)))
+    scene, constants = study.scenes[0], []
+    for level in levels_of(study):
+        mesh, theta = level.mesh, level.temperature(scene).theta
+        bounds = HeatBounds(mesh)
+        points = np.einsum("qc,tcd->tqd", TRIANGLE_POINTS, mesh.corners)
+        y = points[..., 1]
+        error = 1.0 - y**2 + 2.0 / alpha - theta[mesh.triangles] @ TRIANGLE_POINTS.T
+        slope = np.stack([np.zeros(y.shape), -2.0 * y], axis=-1) - mesh.gradient(theta)[:, None]
+        energy = float(mesh.area @ ((slope**2).sum(axis=2) @ TRIANGLE_WEIGHTS))
+        at_top = mesh.on("top")
+        first, second = (theta[mesh.segments[at_top]] - 2.0 / alpha).T
+        square = (first**2 + first * second + second**2) / 3.0
+        energy += alpha * float(mesh.boundary.length[at_top] @ square)
+        rho = bounds.data(scene).rho
+        norm = float(np.sqrt(rho * mesh.area @ (error**2 @ TRIANGLE_WEIGHTS)))
+        assert bounds.energy(scene, theta) == pytest.approx(np.sqrt(energy), rel=1e-9)
+        assert norm <= bounds.bound(scene, theta) <= 1.7 * norm
+        constants.append(bounds.constant(scene))
+    assert constants[1] < 0.55 * constants[0]
+    assert constants[2] < 0.55 * constants[1]
+
+
+def test_a_linear_temperature_has_no_error() -> None:
+    text = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary:
+  bottom: contact
+  left: {role: clamped, heat: {theta: "3 + y"}}
+  right: {role: free, heat: {alpha: 0.5, theta_bar: "7 + y"}}
+  top: {role: free, heat: {flux: 4}}
+material: {E: 1, nu: 0.3, k: 4, alpha_T: 1e-2}
+friction: {law: tresca, tau: 1e-4}
+mesh: {maxh: 0.3}
+"""
+    # k∂θ/∂n = 4s on the right is −α(θ − θ̄) for θ = 3 + y + sx, so 4s = −0.5(2s − 4)
+    # on the bottom θ has the flux −4 of k∂θ/∂y, which leaves the body there
+    study = study_of(text.replace("bottom: contact", "bottom: {role: contact, heat: {flux: -4}}"))
+    scene, level = study.scenes[0], levels_of(study)[0]
+    theta = level.temperature(scene).theta
+    x, y = level.mesh.points.T
+    assert theta == pytest.approx(3.0 + y + 0.4 * x, abs=1e-12)
+    assert HeatBounds(level.mesh).energy(scene, theta) < 1e-10
+
+
+def test_the_constant_is_proved_from_above() -> None:
+    """κ² against dense eigenvalues; a bound below the largest one is not accepted."""
+    scene, mesh = _heated(4)
+    bounds = HeatBounds(mesh)
+    data = bounds.data(scene)
+    rho = data.rho / data.rho.max()
+    pair = CompliancePair(bounds, scene, data, rho)
+    size = len(pair._weight)
+    root = np.sqrt(pair._weight)
+    dual, p1 = pair._source_columns
+    compliance = np.diag(1.0 / pair.elements.s[pair._heated])
+    for heat, column in zip(np.eye(size), range(size), strict=True):
+        compliance[:, column] += dual.T @ pair._dual.solve(dual @ heat)
+        compliance[:, column] -= p1.T @ pair._p1.solve(p1 @ heat)
+    largest = float(np.linalg.eigvalsh(root[:, None] * compliance * root)[-1])
+    assert pair.largest() == pytest.approx(largest, rel=0.04)
+    assert pair.is_below(1.001 * largest)
+    assert not pair.is_below(0.999 * largest)
+    assert bounds.constant(scene) > np.sqrt(largest * data.rho.max() / (scene.material.k or 1.0))
+
+
+def _heated(seed: int) -> tuple[Scene, PlaneMesh]:
+    study = study_of(heated_scene_of(seed)[0])
+    return study.scenes[0], levels_of(study)[0].mesh
+
+
+def heated_scene_of(seed: int) -> tuple[str, float]:
+    """Return a scene of `loaded_scene_of` with a computed temperature, and its ω/λ₁.
+
+    Edges exchange heat, take a flux or are held; a region has its own k, α_T and source.
+    """
+    text, share = loaded_scene_of(seed)
+    rng, scene = np.random.default_rng(2 * 10**6 + seed), yaml.safe_load(text)
+    size = scene["body"]["outline"][1]["from"][0]
+    k = float(10 ** rng.uniform(-3, 3))
+
+    def coefficient() -> float:
+        return float(k / size * 10 ** rng.uniform(-3, 3))
+
+    def linear() -> str:
+        a, b, c = (float(value) for value in rng.normal(size=3) * 100.0)
+        return f"{a!r} + ({b / size!r})*x + ({c / size!r})*y"
+
+    def role_of_heat(kind: int) -> dict[str, object]:
+        if kind == 0:
+            return {"alpha": coefficient(), "theta_bar": float(rng.normal() * 100.0)}
+        if kind == 1:
+            return {"alpha": coefficient(), "theta_bar": linear()}
+        if kind == 2:
+            return {"flux": float(rng.normal() * 100.0 * k / size)}
+        return {"theta": linear() if kind == 3 else 70.0}
+
+    kinds = [int(kind) for kind in rng.integers(0, 6, size=len(scene["boundary"]))]
+    if all(kind in (2, 5) for kind in kinds):
+        kinds[0] = 0
+    # a corner of two held edges has one temperature
+    kinds = [4 if kind == 3 and kinds.count(3) + kinds.count(4) > 1 else kind for kind in kinds]
+    for (edge, role), kind in zip(scene["boundary"].items(), kinds, strict=True):
+        if kind < 5:
+            record = {"role": role} if isinstance(role, str) else role
+            scene["boundary"][edge] = record | {"heat": role_of_heat(kind)}
+    scene["material"] |= {"k": k}
+    part = scene["materials"]["part"]
+    part |= {"k": float(k * 10 ** rng.uniform(-2, 2)), "alpha_T": float(rng.uniform(0.2, 3)) * 1e-5}
+    scene["heat"] = {"q": float(rng.normal() * 300.0 * k / size**2), "omega": "part"}
+    return json.dumps(scene), share
+
+
+@pytest.mark.parametrize("seed", [0, 5, 22])
+def test_no_error_of_a_heated_body_is_above_its_bound(seed: int) -> None:
+    text, _ = heated_scene_of(seed)
+    error, bound, _ = bounded(text)
+    assert error <= bound <= 5.0 * error
+
+
+def temperature_errors(text: str) -> tuple[float, float, float, float]:
+    """Return ‖θ − θ_h‖_c and ‖θ − θ_h‖_ρ against the mesh refined thrice, and their bounds."""
+    study = study_of(text, "mesh.levels=4")
+    scene, levels = study.scenes[0], levels_of(study)
+    coarse_theta = levels[0].temperature(scene).theta
+    theta = coarse_theta
+    for coarse, fine in pairwise(levels):
+        mesh = fine.mesh
+        theta = prolongation(coarse.mesh.n_points, mesh.points, mesh.triangles) @ theta
+    mesh = levels[-1].mesh
+    error = levels[-1].temperature(scene).theta - theta
+    data = HeatBounds(mesh).data(scene)
+    energy = float(mesh.area @ (data.k * (mesh.gradient(error) ** 2).sum(axis=1)))
+    first, second = error[mesh.segments].T
+    square = (first**2 + first * second + second**2) / 3.0
+    energy += float((data.alpha * mesh.boundary.length) @ square)
+    corners = error[mesh.triangles]
+    square = ((corners**2).sum(axis=1) + corners.sum(axis=1) ** 2) / 12.0
+    norm = float(np.sqrt(mesh.area @ (data.rho * square)))
+    bounds = HeatBounds(levels[0].mesh)
+    eta = bounds.energy(scene, coarse_theta)
+    return float(np.sqrt(energy)), norm, eta, bounds.bound(scene, coarse_theta)
+
+
+@pytest.mark.parametrize("seed", range(3, 6))
+def test_no_error_of_a_temperature_is_above_its_bound(seed: int) -> None:
+    text, _ = heated_scene_of(seed)
+    if seed == 5:  # data that are not as the elements have them
+        scene = yaml.safe_load(text)
+        scene["heat"]["q"] = f"({scene['heat']['q']!r})*exp(3*x/{_width(scene)!r})"
+        text = json.dumps(scene)
+    energy, norm, eta, bound = temperature_errors(text)
+    assert energy <= eta * (1 + 1e-9) <= 2.5 * energy
+    assert norm <= bound <= 20.0 * norm
+
+
+def _width(scene: dict[str, Any]) -> float:
+    return float(scene["body"]["outline"][1]["from"][0])
+
+
+def test_without_the_bound_of_the_temperature_some_errors_are_above(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """So that the tests above can fail."""
+    monkeypatch.setattr(ErrorBounds, "thermal_part", lambda *_: 0.0)
+    error, bound, _ = bounded(heated_scene_of(22)[0])
+    assert bound < 0.95 * error
