@@ -13,6 +13,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -158,9 +159,9 @@ def _plain(value: object) -> object:
 def init(file: str | FilePath = "study.yaml") -> FilePath:
     """Write a commented starter study and the schema that its first line names; raises UsageError
     if it is there."""
-    from tcstudy.commands.run import starter
+    from tcstudy.study.starter import write_starter
 
-    return starter(FilePath(file))
+    return write_starter(FilePath(file))
 
 
 @python_door
@@ -184,7 +185,7 @@ def plan(study: Study | str | FilePath) -> Plan:
 
     A function of its own, as it returns no results. Raises StudyError, GeometryFailed.
     """
-    from tcstudy.commands.run import outside_the_sweep
+    from tcstudy.study.engine import outside_the_sweep
     from tcstudy.study.plan import plan as forecast
 
     asked = _study(study)
@@ -276,23 +277,41 @@ def _result(
     output: str | FilePath | None,
     progress: bool,
     force: bool,
-    **more: Any,
+    at: Mapping[str, Any] | None = None,
+    **work_options: Any,
 ) -> Result:
-    """These results, computed unless their file holds them already; without a name that is one of
-    the cache."""
-    from tcstudy.commands.run import do, what_decides
-    from tcstudy.data.files import tell_stored
+    """Return the results, computed unless their file holds them already.
 
-    target, why = FilePath(output or ""), "computed now"
-    if output is None:
-        target = cached(kind, study, **what_decides(kind, study, more.get("at")))
-        why = why_again(target, study)
-    words = ("tcstudy." + {"convergence": "converge", "cost": "cost"}.get(kind, "run"),)
-    # who comes second finds the results that another process keeps under the same name
-    wait = output is None
-    _, whole, _ = do(
-        kind, study, target, words, why if progress else None, force, wait=wait, **more
+    output: None for a file of the cache, which keeps results without a name
+    """
+    from tcstudy.data.files import tell_stored
+    from tcstudy.reports.select_point import sweep_point
+    from tcstudy.reports.terminal.progress import open_progress
+    from tcstudy.study.engine import Request, SweepPoint, deciding_attributes, make_file
+
+    point = SweepPoint(*sweep_point(study, at)) if at or kind == "cost" else None
+    if output is not None:
+        target = FilePath(output)
+        note = "computed now"
+    else:
+        target = cached(kind, study, **deciding_attributes(kind, study, point))
+        note = why_again(target, study)
+    request = Request(
+        kind,
+        study,
+        target,
+        (f"tcstudy.{FUNCTIONS.get(kind, 'run')}",),
+        force=force,
+        point=point,
+        # who comes second finds the results that another process keeps under the same name
+        wait=output is None,
+        **work_options,
     )
-    if whole and kind != "history":  # which warns by itself
+    results = make_file(request, partial(open_progress, first_line=note if progress else None))
+    if results.was_complete and kind != "history":  # which warns by itself
         tell_stored(target)
-    return Result(target, "" if whole else why, warned=True)
+    return Result(target, "" if results.was_complete else note, warned=True)
+
+
+FUNCTIONS = {"convergence": "converge", "cost": "cost"}
+"""The function that makes files of a kind, where it is not `run`."""

@@ -392,13 +392,13 @@ def draw(
     Parameters that are not drawn have the value that `at` gives them, the first unless named.
     Raises StoreError, DrawError, UsageError.
     """
-    from tcstudy.commands.results import SUFFIXES, picture
+    from tcstudy.pictures import draw_picture, is_study_file
 
     if wanted.get("ax") is not None and target is not None:
         raise UsageError("ax: your own figure saves itself; leave the file name out")
     subject = _file(file) if isinstance(file, Result | str | FilePath) else file
-    figure: Figure = picture(subject, None if target is None else FilePath(target), **wanted)
-    if isinstance(file, Result | str | FilePath) and _file(file).suffix.lower() not in SUFFIXES:
+    figure: Figure = draw_picture(subject, None if target is None else FilePath(target), **wanted)
+    if isinstance(file, Result | str | FilePath) and not is_study_file(_file(file)):
         _warn_of(file)
     return figure if target is None else FilePath(target)
 
@@ -434,9 +434,11 @@ def export(
 
     Raises StoreError, DrawError (no such point), UsageError.
     """
-    from tcstudy.commands.results import FORMS, exported
+    from tcstudy.reports.export import FORMS, write_form
 
     if form not in FORMS:
         raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
     _warn_of(file)
-    return exported(_file(file), form, None if target is None else FilePath(target), at, level)[0]
+    name = None if target is None else FilePath(target)
+    path, _ = write_form(_file(file), form, name, at, level)
+    return path

@@ -139,6 +139,13 @@ def calls(path: Path) -> Iterator[tuple[str, int]]:
             yield node.func.id, node.lineno
 
 
+def test_commands_stand_behind_the_command_line_alone() -> None:
+    """The public functions use what commands use, and no command."""
+    assert not wrong(
+        lambda room, name: name.startswith("tcstudy.commands") and room not in ("cli", "commands")
+    )
+
+
 def test_who_speaks_to_whom() -> None:
     assert not wrong(
         lambda room, name: name.split(".")[0] in ("ngsolve", "netgen") and room != "fem"

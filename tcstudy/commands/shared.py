@@ -1,4 +1,4 @@
-"""What commands have in common: options, and how they say what a file holds."""
+"""Options that several commands have, and how commands print what a file holds."""
 
 from __future__ import annotations
 
@@ -12,21 +12,24 @@ from typing import Any, NamedTuple, NoReturn
 
 from tcstudy.errors import UsageError, printable
 
-OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
+OK = 0
+SOME_FAILED = 1
+BAD_INPUT = 2
 """Exit codes of commands."""
-NARROWEST = 40
-"""Characters below which nothing is fitted."""
+MIN_WIDTH = 40
+"""Characters to which tables are fitted on a narrower terminal, too."""
+MAX_PROCESSES = 4096
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-"""An option or argument of a command, as argparse is told of it."""
+"""The arguments, by place and by name, of argparse's `add_argument`."""
 
 
 class Command(NamedTuple):
-    """One command: its line in the list of commands, what it takes, what it does.
+    """One command: its line in the list of commands, its options, its work.
 
-    run: gets the options and returns the exit code; they have `words`, the whole command line,
-    `read`, the study once
-         it is known, and `kept`, what becomes of the work of a command that is stopped
+    run: takes the parsed options and returns the exit code. These have `words`, the whole command
+         line; `read`, the study once it is known; and `kept`, which says what becomes of the work
+         of a command that is stopped.
     """
 
     help: str
@@ -41,8 +44,8 @@ def command(
     return lambda run: Command(help, options, run)
 
 
-def option(*flags: str, **told: Any) -> Option:
-    return flags, told
+def option(*flags: str, **settings: Any) -> Option:
+    return flags, settings
 
 
 def fail(text: str) -> NoReturn:
@@ -50,64 +53,69 @@ def fail(text: str) -> NoReturn:
     raise UsageError(text)
 
 
-def count(text: str) -> int:
-    """A number of things, 1 or more."""
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 4096:
+def process_count(text: str) -> int:
+    """Return a number of processes, 1 or more. Raises ArgumentTypeError."""
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= MAX_PROCESSES:
         raise argparse.ArgumentTypeError(f"{text} is no number of processes; give 1 or more")
     return int(text)
 
 
-def file_name(text: str) -> Path:
-    """The name of a file to write; a Path would forget that the text named a folder."""
-    if text.endswith(("/", os.sep)):
+def file_to_write(text: str) -> Path:
+    """Return the name of a file to write. Raises ArgumentTypeError for that of a folder."""
+    if text.endswith(("/", os.sep)):  # which a Path would forget
         raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
-    return named(text)
+    return file_name(text)
 
 
-def named(text: str) -> Path:
-    """A path, which takes one line wherever it is named."""
-    if not text.strip() or printable(text) != text:
-        what = "has characters that no line shows" if text.strip() else "is empty"
-        raise argparse.ArgumentTypeError(f"the name {text} {what}; give the name of a file")
+def file_name(text: str) -> Path:
+    """Return a path, which takes one line wherever it is printed. Raises ArgumentTypeError."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f"the name {text} is empty; give the name of a file")
+    if printable(text) != text:
+        what = f"the name {text} has characters that no line shows"
+        raise argparse.ArgumentTypeError(f"{what}; give the name of a file")
     return Path(text)
 
 
-def _manner(*flags: str, help: str) -> Option:
-    return option(*flags, action="store_const", dest="manner", const=flags[-1][2:], help=help)
+def choice_option(*flags: str, dest: str, help: str) -> Option:
+    """Return a flag that chooses its own name for `dest`; of such flags a command takes one."""
+    return option(*flags, action="store_const", dest=dest, const=flags[-1][2:], help=help)
 
 
-MANNER = (
-    _manner("-q", "--quiet", help="print one line: what came of it"),
-    _manner(
-        "-v", "--verbose", help="print all columns and rows, whatever the width of the terminal"
-    ),
-    _manner(
-        "--json",
-        help="print one JSON object instead of tables: the same numbers, not rounded, in SI units",
-    ),
+_QUIET = "print one line: what came of it"
+_VERBOSE = "print all columns and rows, whatever the width of the terminal"
+_JSON = "print one JSON object instead of tables: the same numbers, not rounded, in SI units"
+PRINTING = (
+    choice_option("-q", "--quiet", dest="manner", help=_QUIET),
+    choice_option("-v", "--verbose", dest="manner", help=_VERBOSE),
+    choice_option("--json", dest="manner", help=_JSON),
 )
 """How a command prints what it has to say: one of these."""
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
-STUDY = (
-    option("study", type=named, metavar="STUDY.yaml"),
-    option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
-)
-FILE = option("file", type=named, metavar="FILE.nc")
+SET = option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET)
+STUDY = option("study", type=file_name, metavar="STUDY.yaml")
+RESULT_FILE = option("file", type=file_name, metavar="FILE.nc")
 
 
-def at(what: str) -> Option:
-    return option("--at", action="append", default=[], metavar="NAME=VALUE", help=what)
+def at_option(help: str) -> Option:
+    return option("--at", action="append", default=[], metavar="NAME=VALUE", help=help)
 
 
 def point_of(options: argparse.Namespace) -> dict[str, str]:
-    """The sweep point that --at names; raises UsageError if it cannot be read."""
-    words = [text.partition("=") for text in options.at]
-    if not all(mark for _, mark, _ in words):
-        fail("--at: write NAME=VALUE, for example --at alpha=100")
-    names = [name for name, _, _ in words]
-    if twice := [name for name in names if names.count(name) > 1]:
-        fail(f"--at: {twice[0]} is given twice; keep one, as a picture or a chart is of one point")
-    return {name: value for name, _, value in words}
+    """Return the labels of the sweep point that --at names. Raises UsageError."""
+    labels = dict[str, str]()
+    repeated = list[str]()
+    for text in options.at:
+        name, mark, value = text.partition("=")
+        if not mark:
+            fail("--at: write NAME=VALUE, for example --at alpha=100")
+        if name in labels:
+            repeated.append(name)
+        labels[name] = value
+    if repeated:
+        remedy = "keep one, as a picture or a chart is of one point"
+        fail(f"--at: {repeated[0]} is given twice; {remedy}")
+    return labels
 
 
 def _terminal_width() -> int:
@@ -129,37 +137,40 @@ def _width_of_output() -> int:
 
 
 @contextmanager
-def spoken(options: argparse.Namespace) -> Iterator[None]:
-    """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and
-    --verbose have all."""
+def fitted_tables(options: argparse.Namespace) -> Iterator[None]:
+    """Fit tables to the terminal ($COLUMNS or its width) for the time of a `with`.
+
+    Files, pipes and --verbose have all columns.
+    """
     from tcstudy.reports.text import fitting
 
     width = _terminal_width()
-    with fitting(max(width, NARROWEST) if width and options.manner != "verbose" else None):
+    is_fitted = width > 0 and options.manner != "verbose"
+    with fitting(max(width, MIN_WIDTH) if is_fitted else None):
         yield
 
 
-def say(
+def print_results(
     options: argparse.Namespace,
     path: Path,
-    below: Sequence[str] = (),
-    of: str | None = None,
-    warned: bool = False,
+    lines_below: Sequence[str] = (),
+    index_variable: str | None = None,
+    has_warned: bool = False,
 ) -> None:
-    """Print what a result file says in the manner asked for: its tables, one line, or one JSON
-    object.
+    """Print what a result file holds, as requested: tables, one line, or one JSON object.
 
-    below:  lines after the tables;  of: the number whose indices are shown, of a run of a design for them
-    warned: whether the warnings stand on standard error already; a terminal then shows them once
+    lines_below:    printed after the tables
+    index_variable: of a run of a design for them, the variable whose Sobol indices are shown
+    has_warned:     whether the warnings stand on standard error already; a terminal then shows
+                    them once
 
     Raises StoreError where the file was changed after it was written and does not hold what it
     should.
     """
     from tcstudy.data.files import attributes, reading, remarks_of, tell
     from tcstudy.reports.terminal.summary import text_of, verdict_of
-    from tcstudy.reports.text import counted, wrapped
 
-    with reading(path), spoken(options):
+    with reading(path), fitted_tables(options):
         remarks = remarks_of(attributes(path))
         if options.manner == "quiet":
             tell(remarks)
@@ -169,16 +180,24 @@ def say(
             from tcstudy.reports.json_values import json_text
             from tcstudy.reports.terminal.indices import indices_json
 
-            print(json_text(brief(path) | ({"indices": indices_json(path, of)} if of else {})))
+            results = brief(path)
+            if index_variable:
+                results["indices"] = indices_json(path, index_variable)
+            print(json_text(results))
         else:
             point = point_of(options) if hasattr(options, "at") else None
-            print(
-                "\n".join(
-                    [text_of(path, options.manner == "verbose", point, of).rstrip("\n"), *below]
-                )
-            )
-            if remarks and warned and sys.stdout.isatty() and sys.stderr.isatty():
-                print(f"  {counted(len(remarks), 'warning')}, see above")
-                return
-            notes = [str(one).replace("\n", "\n  ") for one in remarks]
-            print("".join(wrapped(f"  warning: {one}") + "\n" for one in notes), end="")
+            tables = text_of(path, options.manner == "verbose", point, index_variable)
+            print("\n".join([tables.rstrip("\n"), *lines_below]))
+            _print_warnings([str(remark) for remark in remarks], has_warned)
+
+
+def _print_warnings(warnings: Sequence[str], has_warned: bool) -> None:
+    """Print warnings below tables, or their number if they stand above them on a terminal."""
+    from tcstudy.reports.text import counted, wrapped
+
+    if warnings and has_warned and sys.stdout.isatty() and sys.stderr.isatty():
+        print(f"  {counted(len(warnings), 'warning')}, see above")
+        return
+    for warning in warnings:
+        indented = warning.replace("\n", "\n  ")
+        print(wrapped(f"  warning: {indented}"))

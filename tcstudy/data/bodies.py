@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,16 +48,6 @@ _OF_ALL = frozenset(v.name for v in (*MESH_COUNTS, MESH_GEOMETRY))
 _FIELDS = frozenset(v.name for v in FIELDS)
 _OWN_LENGTHS = ("held_end", "joint", "rim_segment", "mesh_node", "mesh_face")
 """Dimensions that not every geometry has."""
-
-
-@contextmanager
-def unmasked(path: Path) -> Iterator[netCDF4.Dataset]:
-    """Open a file that is known to be a result, nothing of which is masked."""
-    import netCDF4
-
-    with netCDF4.Dataset(path) as nc:
-        nc.set_auto_mask(False)
-        yield nc
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.bodies import StoredBody, unmasked
+from tcstudy.data.bodies import StoredBody
 from tcstudy.data.files import OTHER_OUTPUT, Kind, attributes, kind_of, reading
 from tcstudy.data.labelled import LabelledTable
 from tcstudy.data.records import BlockRecord, LevelRecord
@@ -136,6 +136,16 @@ def of_largest(data: Any) -> Any:
 Values = NDArray[Any]
 VALUES = 2**22
 """Numbers of one variable that are in memory at a time."""
+
+
+@contextmanager
+def unmasked(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open a file that is known to be a result, nothing of which is masked."""
+    import netCDF4
+
+    with netCDF4.Dataset(path) as nc:
+        nc.set_auto_mask(False)
+        yield nc
 
 
 @contextmanager

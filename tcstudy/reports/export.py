@@ -42,7 +42,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.bodies import StoredBody, unmasked
+from tcstudy.data.bodies import StoredBody
 from tcstudy.data.files import (
     WARNINGS,
     check_writable,
@@ -52,7 +52,7 @@ from tcstudy.data.files import (
     remarks_of,
     replace_file,
 )
-from tcstudy.data.reading import by_point, load_root, open_root
+from tcstudy.data.reading import by_point, load_root, open_root, unmasked
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.json_values import Json, flag_words, json_text, json_value
@@ -72,6 +72,7 @@ from tcstudy.reports.select_point import (
     matching,
 )
 from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.text import counted
 from tcstudy.scene.histories import ContactState
 from tcstudy.scene.records import Scene
 
@@ -465,3 +466,34 @@ def brief(path: Path) -> dict[str, Json]:
         "dimensions": {name: one.dims for name, one in values.items()},
         "values": {name: flag_words(one, one.values).tolist() for name, one in values.items()},
     }
+
+
+TABLE_FORMS = ("csv", "json")
+FORMS = ("vtu", *TABLE_FORMS)
+
+
+def write_form(
+    file: Path,
+    form: str,
+    target: Path | None = None,
+    point: Mapping[str, Value] | None = None,
+    level: int | None = None,
+) -> tuple[Path, list[str]]:
+    """Write a result file in one of FORMS; return what was written, and what there is to say of it.
+
+    target: folder of the fields or name of the table; None for a name beside the file
+    point, level: as of `write_fields` and `write_table`
+
+    Raises as they do, and UsageError for a name that does not fit the form.
+    """
+    if form in TABLE_FORMS:
+        table = target or file.with_suffix(f".{form}")
+        if table.suffix != f".{form}":
+            what = f"a table of this form has a name that ends in .{form}"
+            raise UsageError(f"{table}: {what}; what else is there stays")
+        return table, [counted(write_table(file, table, point), "row")]
+    folder = target or file.with_suffix("")
+    if faults := check_writable(folder / file.name):
+        raise UsageError("; ".join(faults))
+    fields = write_fields(file, folder, point, -1 if level is None else level)
+    return fields.path, [counted(fields.points, "point"), *fields.lacks]

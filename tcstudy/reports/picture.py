@@ -17,8 +17,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from tcstudy.data.bodies import StoredBody, unmasked
-from tcstudy.data.reading import open_root, sweep_dims
+from tcstudy.data.bodies import StoredBody
+from tcstudy.data.reading import open_root, sweep_dims, unmasked
 from tcstudy.data.schema import JOINTS, STICKS
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws

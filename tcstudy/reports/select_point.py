@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.bodies import StoredBody, unmasked
+from tcstudy.data.bodies import StoredBody
 from tcstudy.data.files import kind_of, reading
-from tcstudy.data.reading import axis_names, open_root, sweep_dims
+from tcstudy.data.reading import axis_names, open_root, sweep_dims, unmasked
 from tcstudy.data.schema import GEOMETRIES, PointStatus
+from tcstudy.data.variables import sweep_points
 from tcstudy.errors import DrawError, UsageError, hint
 from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import first_largest, number, scaled_labels
 from tcstudy.scene import units as u
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import xarray
@@ -42,6 +44,16 @@ def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
     fits, dims = matching(data, point or {}), sweep_dims(data)
     first = np.unravel_index(int(np.argmax(fits)), [data.sizes[d] for d in dims]) if dims else ()
     return {d: int(i) for d, i in zip(dims, first, strict=True)}
+
+
+def sweep_point(study: Study, labels: Mapping[str, Value] | None) -> tuple[tuple[int, ...], str]:
+    """Return index and words of the point of a study that has the given labels.
+
+    labels: as of `locate`, which says, too, what is raised
+    """
+    points = sweep_points(study)
+    place = locate(points, labels)
+    return tuple(place.values()), describe(points, place)
 
 
 def of_largest_slip(data: Any) -> dict[str, int]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.bodies import StoredBody, unmasked
+from tcstudy.data.bodies import StoredBody
 from tcstudy.data.files import kind_of
 from tcstudy.data.reading import (
     GEOMETRIES,
@@ -27,6 +27,7 @@ from tcstudy.data.reading import (
     of_largest,
     open_results,
     sweep_dims,
+    unmasked,
 )
 from tcstudy.data.schema import MISSING_COUNT, OVERRIDES, STICKS, PointStatus
 from tcstudy.errors import StoreError

@@ -135,6 +135,17 @@ class Progress:
             self._width = len(text)
 
 
+def open_progress(study: Study, first_line: str | None) -> Progress:
+    """Return what shows the work on a study, after a first line; without one it is silent.
+
+    first_line: empty for none
+    """
+    progress = Progress(study, Stream(None) if first_line is None else None)
+    if first_line:
+        progress.event(first_line)
+    return progress
+
+
 def forecast_text(
     study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str
 ) -> str:

@@ -13,10 +13,10 @@ import tcstudy
 
 pytest.importorskip("matplotlib")
 
-from tcstudy.commands.results import picture
 from tcstudy.data.reading import load_root
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.laws.shapes import SHAPES
+from tcstudy.pictures import draw_picture
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.point import law_figure, laws_of
@@ -275,7 +275,7 @@ def test_bad_names_are_refused_before_anything_is_written(
     stored: Stored, tmp_path: Path, name: str, wanted: dict[str, Any], message: str
 ) -> None:
     with pytest.raises((DrawError, UsageError), match=message) as caught:
-        picture(stored(name), tmp_path / "a.png", **wanted)
+        draw_picture(stored(name), tmp_path / "a.png", **wanted)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "a.png").exists()
 
@@ -289,7 +289,7 @@ def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(
     with matplotlib.rc_context({"font.size": 7.0, "axes.spines.top": True}):
         before = dict(matplotlib.rcParams)
         for name in ("a.svg", "b.svg", "p.pdf", "a.png"):
-            said = picture(stored("single"), tmp_path / name, size=(6.0, 5.0))
+            said = draw_picture(stored("single"), tmp_path / name, size=(6.0, 5.0))
         assert dict(matplotlib.rcParams) == before
     assert said.startswith(f"{tmp_path / 'a.png'}: A block <on> a film")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

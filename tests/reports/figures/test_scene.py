@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tcstudy.commands.results import picture
 from tcstudy.errors import StudyError
+from tcstudy.pictures import draw_picture
 from tests.commands import CONFIGS
 
 pytest.importorskip("matplotlib")
@@ -18,7 +18,7 @@ pytest.importorskip("matplotlib")
 @pytest.mark.parametrize("name", ["quickstart", "two_films", "ring", "coated_block"])
 def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
     study = tcstudy.load(CONFIGS / f"{name}.yaml")
-    figure = picture(study, None)
+    figure = draw_picture(study, None)
     texts = [text for text in figure.axes[0].texts if text.get_text()]
     boxes = [text.get_window_extent() for text in texts]
     for (one, a), (two, b) in combinations(zip(texts, boxes, strict=True), 2):
@@ -32,14 +32,16 @@ def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
 def test_values_are_said_where_they_act() -> None:
     """θ = 0 on an edge is not an insulated one; a source of one region is no fact of the body."""
     held = {"boundary.bolted": {"role": "clamped", "heat": {"theta": 0}}, "path": None}
-    figure = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(held), None)
+    figure = draw_picture(tcstudy.load(CONFIGS / "isola.yaml").with_(held), None)
     edges = {text.get_text().split("\n")[0]: text.get_text() for text in figure.axes[0].texts}
     assert "θ = 0 K" in edges["bolted"]
     assert "$g_{x}$ = 2 MPa" in edges["end"]
     assert "q = 500 kW" in edges["heater"]
     assert "q =" not in " ".join(text.get_text() for text in figure.texts)
     swept = {"friction": {"law": "tresca"}, "sweep": {"tau": [1e6, 2e6]}, "path": None}
-    legend = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
+    legend = (
+        draw_picture(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
+    )
     assert [text.get_text() for text in legend.get_texts()] == [
         "tresca τ = 1 MPa",
         "tresca τ = 2 MPa",
@@ -79,6 +81,6 @@ def test_edges_with_faults_are_marked(
     file, target = tmp_path / "faulty.yaml", tmp_path / "faulty.svg"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(StudyError, match=message):
-        picture(file, target)
+        draw_picture(file, target)
     drawn = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", target.read_text(encoding="utf-8")))
     assert all(mark in drawn for mark in marks)

@@ -4,12 +4,12 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.commands.results import picture
 from tcstudy.data.files import collect
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import VERDICTS, convergence_record
 from tcstudy.errors import DrawError
+from tcstudy.pictures import draw_picture
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.terminal.accuracy import _uncertain
@@ -135,16 +135,16 @@ def test_the_plot(file, tmp_path, monkeypatch):
     """Failed levels are hollow and joined to nothing; the rate of two levels is pale and dashed."""
     drawn = []
     monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
-    assert "tau = 2" in picture(file, tmp_path / "a.svg", at={"tau": "2 MPa"})
+    assert "tau = 2" in draw_picture(file, tmp_path / "a.svg", at={"tau": "2 MPa"})
     with pytest.raises(DrawError, match="no point"):
-        picture(file, tmp_path / "b.svg", at={"tau": "3 MPa"})
+        draw_picture(file, tmp_path / "b.svg", at={"tau": "3 MPa"})
     axes = next(axes for axes in drawn[0].axes if axes.get_title(loc="left").startswith("u:"))
     solid, hollow, *_ = axes.get_lines()
     assert (hollow.get_fillstyle(), hollow.get_xdata().tolist()) == ("none", [0.5])
     assert solid.get_xdata().tolist() == [1.0, 0.25, 0.125]
     with netCDF4.Dataset(file, "a") as nc:
         nc["slope_error_u_L2"][...] = np.nan
-    picture(file, tmp_path / "a.svg")
+    draw_picture(file, tmp_path / "a.svg")
     pale = [line for axes in drawn[1].axes for line in axes.get_lines() if line.get_alpha() == 0.45]
     assert [line.get_linestyle() for line in pale] == ["--"]
 
@@ -153,4 +153,4 @@ def test_nothing_to_draw(tmp_path):
     write(tmp_path / "a.nc", [numbers((OK,) * 4)] * 2)
     assert "energy" in text_of(tmp_path / "a.nc", True)
     with pytest.raises(DrawError, match="no errors"):
-        picture(tmp_path / "a.nc", tmp_path / "a.png")
+        draw_picture(tmp_path / "a.nc", tmp_path / "a.png")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.commands.results import picture
 from tcstudy.data.files import collect
 from tcstudy.data.reading import load_root
 from tcstudy.data.records import Record
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import COST_TABLE
+from tcstudy.pictures import draw_picture
 from tcstudy.reports.page.parts import Container
 from tcstudy.reports.page.run import read
 from tcstudy.reports.page.write import cost_sections
@@ -161,4 +161,4 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
         "all errors are rounding (at most 1.6e-14): every mesh represents this solution exactly"
     )
     assert second == "least time measured: uniform, level 0, separable-newton in 0.1 s"
-    picture(file, file.with_name("a.svg"))
+    draw_picture(file, file.with_name("a.svg"))
