@@ -1,5 +1,4 @@
-"""Solutions along a parameter in which the load is affine, followed piece by piece; all branches of
-a range, by proof.
+"""Solutions along a parameter in which the load is affine: one path, or proved all branches.
 
-Not here: what a study says of it (scene), in which number a load is affine (study), files (data).
+Not here: what a study says of a path (scene), the parameter it follows (study), files (data).
 """

@@ -1,18 +1,18 @@
 """The inverse of one cell's equations, kept from cell to cell by changes of rank one.
 
-In a cell every node is *free* (displacement u_i moves, force g_i = k_i u_i + const with k_i = c_i ×
-slope of b) or *held* (u_i fixed on a kink, force g_i moves). With x_i = u_i of a free node, g_i of
-a held one, increments satisfy Au + g = τ l + r: m equations for m + 1 coordinates (x, τ), one line.
-Which coordinate measures the line (the *driver*) is free, τ or that of any node: with a fast one
-the system is regular whenever the line is unique, at folds and on upright pieces too. A node that
-passes to its next piece drives both cells, so that only its own column changes; to let it drive is
-a change of rank one: O(m) for what is asked of the inverse, and changes enter it many at a time, in
-matrix products.
+In a cell every node is *free* (its displacement u_i moves, the force is g_i = k_i u_i + const with
+k_i = c_i × slope of b) or *held* (u_i is fixed on a kink, g_i moves). With x_i = u_i of a free node
+and x_i = g_i of a held one, increments satisfy Au + g = τ l + r. These m equations for the m + 1
+coordinates (x, τ) have a line as their solutions. Any coordinate may measure this line (the
+*driver*): τ or that of any node. If the driver is fast, the system is regular whenever the line is
+unique, at folds and on vertical sides too. A node that passes to its next piece drives both cells,
+so that only its column changes. To let it drive is a change of rank one. What is asked of the
+inverse costs O(m), and changes enter it many at a time, in matrix products.
 
-Sources: Lemke, Manage. Sci. 11 (1965) 681–689 (what has left a piece drives the next one); Cottle,
-Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots); Haynsworth, Linear
-Algebra Appl. 1 (1968) 73–81 (inertia); Bunch & Kaufman, Math. Comp. 31 (1977) 163–179 (LDLᵀ of
-indefinite matrices).
+Sources: Lemke, Manage. Sci. 11 (1965) 681–689 (what has left a piece drives the next one);
+Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots);
+Haynsworth, Linear Algebra Appl. 1 (1968) 73–81 (inertia);
+Bunch & Kaufman, Math. Comp. 31 (1977) 163–179 (LDLᵀ of indefinite matrices).
 """
 
 from __future__ import annotations
@@ -27,15 +27,19 @@ Flags = NDArray[np.bool_]
 CAPACITY = 32
 """Changes of rank one that wait before they enter the inverse as one matrix product."""
 
-SLOW, LOST = 2e-2, 1e-3
-"""A coordinate slower than this part of the fastest one is not made to drive, and one slower than
-the second does not drive on: as many digits would be lost. Slips and forces are compared in units
-in which the node's own stiffness A_ii is one."""
+MIN_DRIVER_SPEED = 2e-2
+"""A slower coordinate does not become the driver: as many digits would be lost.
 
-CLEAR = 0.02
+Relative to the fastest coordinate, in units in which the node's own stiffness A_ii is one.
+"""
+
+LOST_DRIVER_SPEED = 1e-3
+"""A driver slower than this part of the fastest coordinate does not stay the driver."""
+
+MIN_PIVOT = 0.02
 """Part of its terms below which the pivot of a node that does not drive has lost digits."""
 
-LOST_RANK = 1e-14
+MIN_RECIPROCAL_CONDITION = 1e-14
 """Reciprocal condition number below which a cell, its rows scaled, has no unique line."""
 
 STILL = 1e-13
@@ -43,35 +47,44 @@ STILL = 1e-13
 
 
 class SingularCellError(ArithmeticError):
-    """No direction exists: the equations of the cell have lost rank."""
+    """The equations of the cell have lost rank, so that no direction exists."""
 
 
 class BasisInverse:
-    """(x, τ) = T ν + way z of the present cell: z is the driver's coordinate, ν_i what a node is
-    off its piece.
+    """(x, τ) = T ν + z direction in the present cell.
 
-    A free node's u = x, g = k x + ν, a held one's u = ν, g = x.
+    z is the coordinate of the driver, and ν_i is how far node i is off its piece: a free node has
+    u = x and g = k x + ν, a held one u = ν and g = x. T waits for `size` changes left rightᵀ.
 
-    A:    (m, m) symmetric positive definite stiffness, scaled to O(1)
-    load: (m,) load per unit of τ, in the same units, its largest entry 1
-    free: (m,) nodes whose displacement moves;  k: (m,) stiffness that the law adds there, 0 at a held one
-    way:  (m + 1,) (dx, dτ) along the line of the cell, that of the driver 1 or −1
+    A:         (m, m) symmetric positive definite stiffness, scaled to O(1)
+    load:      (m,) load per unit of τ, in the same units, its largest entry 1
+    free:      (m,) nodes whose displacement moves
+    k:         (m,) stiffness that the law adds there, 0 at a held node
+    direction: (m + 1,) (dx, dτ) along the line of the cell, that of the driver 1 or −1
     """
 
     def __init__(self, A: Array, load: Array, free: Flags, k: Array) -> None:
-        self.A, self.load, self.m, self.free, self.k = A, load, len(load), free.copy(), k.copy()
-        self.left, self.right = (np.zeros((self.m + one, CAPACITY), order="F") for one in (1, 0))
-        self.way, self.root = np.zeros(self.m + 1), np.sqrt(np.diagonal(A))
+        self.A = A
+        self.load = load
+        self.m = len(load)
+        self.free = free.copy()
+        self.k = k.copy()
+        self.left = np.zeros((self.m + 1, CAPACITY), order="F")
+        self.right = np.zeros((self.m, CAPACITY), order="F")
+        self.direction = np.zeros(self.m + 1)
+        self.root = np.sqrt(np.diagonal(A))
         self.refactor()
 
     def refactor(self) -> None:
-        """The inverse from A itself, by the fastest coordinate. Raises SingularCellError if the
-        line is not unique."""
+        """Invert the equations of the cell afresh, and let the fastest coordinate drive.
+
+        Raises SingularCellError if the line is not unique.
+        """
         self.size = 0
         self.stale = True
         self.driver = -1
         self._negatives: int | None = None
-        previous_way = self.way
+        previous_direction = self.direction
         m = self.m
         free_nodes = np.flatnonzero(self.free)
         n = len(free_nodes)
@@ -80,6 +93,7 @@ class BasisInverse:
         A = self.A.T[order].take(order, axis=1)
         load = self.load[order]
         k = self.k[free_nodes]
+
         scale = 1.0 / np.sqrt(np.diagonal(A)[:n] + np.abs(k))
         S = np.empty((n + 1, n + 1))
         S[:n, :n] = A[:n, :n]
@@ -93,9 +107,11 @@ class BasisInverse:
             inverse = np.linalg.inv(S)
         except np.linalg.LinAlgError:
             raise SingularCellError from None
-        if not np.linalg.norm(S, 1) * np.linalg.norm(inverse, 1) * LOST_RANK < 1.0:
+        condition = np.linalg.norm(S, 1) * np.linalg.norm(inverse, 1)
+        if not condition * MIN_RECIPROCAL_CONDITION < 1.0:
             raise SingularCellError
         inverse[:n] *= scale[:, None]
+
         # rows: displacements of free nodes, τ, forces of held nodes
         T = np.empty((m + 1, m))
         T[: n + 1, :n] = inverse[:, :n] * -scale
@@ -103,90 +119,124 @@ class BasisInverse:
         onto_held = np.concatenate([-A[n:, :n], load[n:, None]], axis=1)
         T[n + 1 :] = onto_held @ T[: n + 1]
         T[n + 1 :, n:] -= A[n:, n:]
-        way = np.concatenate([inverse[:, n], onto_held @ inverse[:, n]])
+        direction = np.concatenate([inverse[:, n], onto_held @ inverse[:, n]])
+
         position = np.argsort(order)
         row = np.append(np.where(self.free, position, position + 1), n)
         self.T = np.asfortranarray(T[row].take(position, axis=1))
-        way = way[row]
+        direction = direction[row]
         self.unit = np.append(np.where(self.free, self.root, 1.0 / self.root), 1.0)
-        fastest = int(np.argmax(np.abs(way * self.unit)))
+        fastest = int(np.argmax(np.abs(direction * self.unit)))
         self.stale = False
-        self.way = way if previous_way[fastest] * way[fastest] >= 0.0 else -way
-        self.fastest = float(np.abs(self.way * self.unit).max())
+        keeps_sense = previous_direction[fastest] * direction[fastest] >= 0.0
+        self.direction = direction if keeps_sense else -direction
+        self.fastest = float(np.abs(self.direction * self.unit).max())
         self.drive(fastest)
 
-    def _H(self, F: NDArray[np.intp]) -> Array:
-        H = self.A[np.ix_(F, F)]
-        H[np.arange(len(F)), np.arange(len(F))] += self.k[F]
-        return H
-
-    def _slow(self, i: int, part: float = SLOW) -> bool:
-        """Whether this coordinate is slower than a part of the fastest, or none moves."""
-        return not abs(self.way.item(i)) * self.unit.item(i) > part * self.fastest
+    def _is_slow(self, i: int, part: float) -> bool:
+        """Return whether coordinate i is slower than a part of the fastest, or none moves."""
+        return not abs(self.direction.item(i)) * self.unit.item(i) > part * self.fastest
 
     def drive(self, i: int) -> None:
         """Let the coordinate of node i (m: τ) measure the line."""
         if i != self.driver:
-            row, n = self._row(i), self._room()
-            self.left[:, n], self.right[:, n] = self.way / -self.way[i], row
-            self.T[i], self.left[i, : n + 1], self.size, self.driver = 0.0, 0.0, n + 1, i
-        speed = abs(self.way.item(i))
-        self.way /= speed
+            row = self._row(i)
+            n = self._next_change()
+            self.left[:, n] = self.direction / -self.direction[i]
+            self.right[:, n] = row
+            self.T[i] = 0.0
+            self.left[i, : n + 1] = 0.0
+            self.size = n + 1
+            self.driver = i
+        speed = abs(self.direction.item(i))
+        self.direction /= speed
         self.fastest /= speed
 
     def place(self, i: int, free: bool, k: float) -> None:
-        """Move node i to a piece on which it is free with stiffness k, or held; it goes on in the
-        same sense.
+        """Move node i to a piece on which it is free with stiffness k, or held.
 
-        (x, ν) = R (x′, ν′) of this node, R of size two; z = ±x gives all else. A slow node lets
-        another one drive. Where the driver is slow in the next cell, or the pivot lost, the inverse
-        becomes stale and waits for `settle`.
+        It goes on in the same sense. A slow node lets another one drive. Where the driver is slow
+        in the next cell, or the pivot has lost digits, the inverse becomes stale and waits for
+        `settle`.
         """
-        was_free, before = self.free.item(i), self.k.item(i)
-        self.free[i], self.k[i] = free, k
-        if (free == was_free and k == before) or self.stale:
+        was_free = self.free.item(i)
+        k_before = self.k.item(i)
+        self.free[i] = free
+        self.k[i] = k
+        if (free == was_free and k == k_before) or self.stale:
             return
-        if not self._slow(i):
+        if not self._is_slow(i, MIN_DRIVER_SPEED):
             self.drive(i)
         self.unit[i] = self.root[i] if free else 1.0 / self.root[i]
-        if free:
-            a, b, c, d = (1.0, 0.0, k - before, 1.0) if was_free else (k, 1.0, 1.0, 0.0)
-        else:
-            a, b, c, d = 0.0, 1.0, 1.0, -before
-        way, column, speed, fastest = self.way, self._column(i), self.way.item(i), self.fastest
+        t_speed = self.direction.item(self.m)
+        t_rests = abs(t_speed) <= STILL * self.fastest
+        R = _coordinate_change(was_free, k_before, free, k)
         if i == self.driver:
-            self.way, new = a * way + (c * speed) * column, (b * speed) * way + d * column
-            self.way[i], new[i] = speed, 0.0
+            column = self._exchange_driver(i, R)
         else:
-            row = self._row(i)
-            pivot = a - row.item(i) * c
-            if not abs(pivot) > CLEAR * (abs(a) + abs(a - pivot)):
+            column = self._exchange(i, R)
+            if column is None:
                 self.stale = True
                 return
-            own, n = (row.item(i) * d - b) / pivot, self._room()
-            self.way, new = pivot * way + (c * speed) * column, (d + c * own) * column
-            self.left[:, n], self.right[:, n] = (c / pivot) * column, row
-            self.way[i], new[i], self.size = speed, own, n + 1
-            row /= pivot
-            row[i] = own
-            self.T[i], self.left[i, : n + 1] = row, 0.0
-            self.way /= abs(self.way.item(self.driver)) or 1.0
-        self.T[:, i], self.right[i, : self.size] = new, 0.0
-        self.fastest = float(np.abs(self.way * self.unit).max())
-        self.stale, turned = (
-            self._slow(self.driver, LOST),
-            (way.item(self.m), self.way.item(self.m)),
-        )
-        if abs(turned[0]) <= STILL * fastest or abs(turned[1]) <= STILL * self.fastest:
+        self.T[:, i] = column
+        self.right[i, : self.size] = 0.0
+        self.fastest = float(np.abs(self.direction * self.unit).max())
+        self.stale = self._is_slow(self.driver, LOST_DRIVER_SPEED)
+
+        t_speed_after = self.direction.item(self.m)
+        if t_rests or abs(t_speed_after) <= STILL * self.fastest:
             self._negatives = None
-        elif self._negatives is not None and turned[0] * turned[1] < 0.0:
+        elif self._negatives is not None and t_speed * t_speed_after < 0.0:
             # their quotient is det H′/det H: one eigenvalue has changed its sign
-            self._negatives += (
-                (-1 if k > before else 1) if was_free and free else -1 if was_free else 1
-            )
+            stiffens = k > k_before if free and was_free else was_free
+            self._negatives += -1 if stiffens else 1
+
+    def _exchange_driver(self, i: int, R: tuple[float, float, float, float]) -> Array:
+        """Put the driver on its next piece; return its column of T there."""
+        a, b, c, d = R
+        old = self.direction
+        column = self._column(i)
+        speed = old.item(i)
+        self.direction = a * old + (c * speed) * column
+        new_column = (b * speed) * old + d * column
+        self.direction[i] = speed
+        new_column[i] = 0.0
+        return new_column
+
+    def _exchange(self, i: int, R: tuple[float, float, float, float]) -> Array | None:
+        """Put a node that does not drive on its next piece; return its column of T there.
+
+        None, and nothing is changed, if the pivot has lost digits.
+        """
+        a, b, c, d = R
+        old = self.direction
+        column = self._column(i)
+        speed = old.item(i)
+        row = self._row(i)
+        pivot = a - row.item(i) * c
+        if not abs(pivot) > MIN_PIVOT * (abs(a) + abs(a - pivot)):
+            return None
+        entry = (row.item(i) * d - b) / pivot
+        n = self._next_change()
+        self.direction = pivot * old + (c * speed) * column
+        new_column = (d + c * entry) * column
+        self.left[:, n] = (c / pivot) * column
+        self.right[:, n] = row
+        self.direction[i] = speed
+        new_column[i] = entry
+        self.size = n + 1
+        row /= pivot
+        row[i] = entry
+        self.T[i] = row
+        self.left[i, : n + 1] = 0.0
+        self.direction /= abs(self.direction.item(self.driver)) or 1.0
+        return new_column
 
     def settle(self) -> None:
-        """After changes, of which some may have been singular: the inverse of the last cell."""
+        """Invert afresh if the changes since the last time have made the inverse stale.
+
+        Cells in between may have been singular.
+        """
         if self.stale:
             self.refactor()
 
@@ -198,27 +248,31 @@ class BasisInverse:
             self.place(i, bool(free[i]), float(k[i]))
         self.settle()
 
-    def moved(self, r: Array) -> Array:
-        """(m + 1,) what (x, τ) have to move for Au + g to grow by r (m,), the driver at rest."""
-        off, n = np.where(self.free, -r, 0.0), self.size
-        moved = self.T @ off + self.left[:, :n] @ (off @ self.right[:, :n])
-        moved[: self.m] += np.where(self.free, 0.0, r)
-        moved -= self.way * (moved[self.driver] / self.way[self.driver])
-        return moved
+    def correction(self, r: Array) -> Array:
+        """Return (m + 1,) the change of (x, τ) by which Au + g grows by r (m,).
+
+        The driver is at rest.
+        """
+        off_piece = np.where(self.free, -r, 0.0)
+        n = self.size
+        change = self.T @ off_piece + self.left[:, :n] @ (off_piece @ self.right[:, :n])
+        change[: self.m] += np.where(self.free, 0.0, r)
+        change -= self.direction * (change[self.driver] / self.direction[self.driver])
+        return change
 
     @property
     def negatives(self) -> int:
-        """Negative eigenvalues of H = A_FF + diag(k) over the free nodes."""
+        """Number of negative eigenvalues of H = A_FF + diag(k) over the free nodes."""
         if self._negatives is None:
-            F = np.flatnonzero(
-                self.free
-            )  # signs of the pivots of LDLᵀ; a block of two has one of either
-            ldu, pivots, _ = scipy.linalg.lapack.dsytrf(self._H(F), lower=1)
+            F = np.flatnonzero(self.free)
+            H = self.A[np.ix_(F, F)]
+            H[np.arange(len(F)), np.arange(len(F))] += self.k[F]
+            # signs of the pivots of LDLᵀ; a block of size two has one of either sign
+            ldu, pivots, _ = scipy.linalg.lapack.dsytrf(H, lower=1)
             single = pivots > 0
-            positive = (
-                np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2
-            )
-            self._negatives = len(F) - int(positive)
+            positive_singles = np.count_nonzero(ldu.diagonal()[single] > 0.0)
+            blocks = np.count_nonzero(~single) // 2
+            self._negatives = len(F) - int(positive_singles + blocks)
         return self._negatives
 
     def _row(self, i: int) -> Array:
@@ -227,11 +281,25 @@ class BasisInverse:
     def _column(self, i: int) -> Array:
         return self.T[:, i] + self.left[:, : self.size] @ self.right[i, : self.size]
 
-    def _room(self) -> int:
-        """Place for a change among those that wait."""
+    def _next_change(self) -> int:
+        """Return the place of the next change; if none is left, all enter the inverse first."""
         if self.size == CAPACITY:
             self.T = scipy.linalg.blas.dgemm(
                 1.0, self.left, self.right, 1.0, self.T, trans_b=1, overwrite_c=1
             )
             self.size = 0
         return self.size
+
+
+def _coordinate_change(
+    was_free: bool, k_before: float, free: bool, k: float
+) -> tuple[float, float, float, float]:
+    """Return (a, b, c, d) of a node: x = a x′ + b ν′ and ν = c x′ + d ν′, with ′ on the next piece.
+
+    All else is as before, as the driver's z is x or −x.
+    """
+    if not free:
+        return 0.0, 1.0, 1.0, -k_before
+    if was_free:
+        return 1.0, 0.0, k - k_before, 1.0
+    return k, 1.0, 1.0, 0.0

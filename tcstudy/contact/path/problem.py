@@ -1,14 +1,13 @@
-"""What a path is followed on, a load affine in t, l̃(t) = l̃₀ + t l̃₁, and a law of straight
-pieces; and what a path is.
+"""The problem of a path, with a load affine in t and a piecewise-linear law, and the path itself.
 
-The filled graph of b̂ of such a law is a polygonal line in the (s, ξ/c) plane. With K kinks it has
-the pieces 0 … 2K in the order in which the line runs from s = −∞ to s = +∞: piece 2k is the segment
-of slopes between kink k−1 and kink k, piece 2k+1 the vertical side at kink k (absent where b only
-bends). On a segment the coordinate that moves is s, on a vertical side it is ξ/c.
+The load is l̃(t) = l̃₀ + t l̃₁. The filled graph of b̂ of the law is a polygonal line in the
+(s, ξ/c) plane. With K kinks it has the pieces 0 … 2K in the order in which the line runs from
+s = −∞ to s = +∞: piece 2k is the segment between kink k−1 and kink k, piece 2k+1 the vertical side
+at kink k (absent where b only bends). On a segment the coordinate that moves is s, on a vertical
+side it is ξ/c.
 
-Where nodes have laws of their own (tcstudy/laws) the pieces of all of them are numbered through,
-law after law, so that a piece's code says of which law it is and whatever is asked by code needs no
-law.
+Where nodes have different laws (tcstudy/laws) the pieces of all of them are numbered through, law
+after law. So a piece's code tells its law, and whatever is asked by code needs no law.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ Codes = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class ParametricProblem:
-    """Ãv + ξ = l̃₀ + t l̃₁ with ξ_i/c_i ∈ b̂(v_i), for all t at once.
+    """The problem Ãv + ξ = l̃₀ + t l̃₁ with ξ_i/c_i ∈ b̂(v_i), for all t at once.
 
     A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
     l_0:     (m,) load at t = 0 [N/m]
@@ -63,46 +62,45 @@ class ParametricProblem:
     @cached_property
     def traction_scale(self) -> float:
         """Scale of b for the whole path, that of the problems at both ends of `span` [Pa]."""
-        return max(self.at(t).traction_scale for t in self.span) or float(
-            np.max(np.abs(self.l_1 / self.c))
-        )
+        scale = max(self.at(t).traction_scale for t in self.span)
+        return scale or float(np.max(np.abs(self.l_1 / self.c)))
 
     def xi_rounding(self, t: float, v: Array) -> float:
-        """What rounding of v, t, l̃₀ and l̃₁ does to a residual relative to `traction_scale`
-        (ContactProblem)."""
-        return (
-            self.at(t).rounding(v, np.abs(self.l_0) + abs(t) * np.abs(self.l_1))
-            / self.traction_scale
-        )
+        """Return what rounding of v, t, l̃₀ and l̃₁ does to a residual (ContactProblem).
+
+        Relative to `traction_scale`.
+        """
+        load_size = np.abs(self.l_0) + abs(t) * np.abs(self.l_1)
+        return self.at(t).rounding(v, load_size) / self.traction_scale
 
     def load(self, t: float) -> Array:
-        """l̃(t) (m,)."""
+        """Return l̃(t) (m,)."""
         return self.l_0 + t * self.l_1
 
     def at(self, t: float) -> ContactProblem:
-        """The problem of one t."""
+        """Return the problem of one t."""
         return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
 
     def rows(self, t: Array, lambda_1: float) -> ContactProblem:
-        """The problems of many t (n,), with λ₁ known [Pa/m]."""
+        """Return the problems of many t (n,), with λ₁ known [Pa/m]."""
         body = CondensedBody.known(self.A_tilde, self.c, self.A_error, lambda_1=lambda_1)
         index = np.atleast_2d(self.law.index)
         laws = self.law.tables.at(np.broadcast_to(index, (len(t), index.shape[1])))
         return ContactProblem.on(body, self.l_0 + t[:, None] * self.l_1, laws)
 
     def energy(self, t: Array, u: Array, traction: Array) -> Array:
-        """(k,) L̃ of solutions u (k, m) with tractions ξ/c (k, m) at t (k,) [J/m]."""
+        """Return (k,) L̃ of solutions u (k, m) with tractions ξ/c (k, m) at t (k,) [J/m]."""
         load = self.l_0 + t[:, None] * self.l_1
         force = load - traction * self.c  # = Ãu up to the residual
         return np.asarray(np.sum((0.5 * force - load) * u, axis=1) + self.law.j(u) @ self.c)
 
     def with_law(self, law: Laws) -> ParametricProblem:
-        """The same body and loads under another law."""
+        """Return the problem of the same body and loads under another law."""
         return replace(self, law=law)
 
     @property
     def without_narrow_pieces(self) -> ParametricProblem:
-        """The same with pieces a few roundings wide as jumps.
+        """The same problem with pieces a few roundings wide as jumps.
 
         Slips do not resolve such a piece, while the traction moves along a jump as along any piece.
         """
@@ -124,8 +122,10 @@ class ParametricProblem:
 class ScaledBody:
     """A stiffness in units of its mean diagonal.
 
-    stiffness: mean diagonal of Ã [Pa];  A: Ã divided by it
-    blur:      rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
+    stiffness: mean diagonal of Ã [Pa]
+    A:         Ã divided by it
+    blur:      approximate rounding error of a displacement relative to the largest one: ε √m times
+               a condition number of Ã
     """
 
     stiffness: float
@@ -134,33 +134,43 @@ class ScaledBody:
 
     @classmethod
     def of(cls, A_tilde: Array, held: bool = True) -> ScaledBody:
-        """held: False for a body that can move freely, whose compliance is that with its first node
-        held."""
-        m, stiffness = len(A_tilde), float(np.mean(np.diagonal(A_tilde)))
+        """Scale a stiffness.
+
+        held: False for a body with a rigid-body mode; its compliance is that with its first node
+              constrained
+        Raises ValueError if Ã is not positive definite.
+        """
+        m = len(A_tilde)
+        stiffness = float(np.mean(np.diagonal(A_tilde)))
         A = np.asfortranarray(A_tilde / stiffness)
-        part = A if held else A[1:, 1:]
-        factor, info = scipy.linalg.lapack.dpotrf(part, lower=1, clean=0)
+        definite = A if held else A[1:, 1:]
+        factor, info = scipy.linalg.lapack.dpotrf(definite, lower=1, clean=0)
         if info != 0 or not stiffness > 0.0:
             raise ValueError(
-                "the condensed stiffness is not positive definite; clamp the body, check its elastic constants"
+                "the condensed stiffness is not positive definite; "
+                "clamp the body, check its elastic constants"
             )
-        probes = np.unique(np.linspace(0, len(part) - 1, 16).astype(int))
-        columns = scipy.linalg.lapack.dpotrs(factor, np.eye(len(part))[:, probes], lower=1)[0]
+        n = len(definite)
+        # sixteen columns of the compliance stand for all
+        probes = np.unique(np.linspace(0, n - 1, 16).astype(int))
+        columns = scipy.linalg.lapack.dpotrs(factor, np.eye(n)[:, probes], lower=1)[0]
         condition = np.max(np.abs(columns), initial=0.0) * np.linalg.norm(A, np.inf)
         return cls(stiffness, A, float(np.sqrt(m) * np.finfo(float).eps * condition))
 
 
 @dataclass(frozen=True)
 class LawGraph:
-    """The line's pieces as arrays over the piece code (2K+1,), of several laws one after the other.
+    """Pieces of the law's graph as arrays over the piece code (2K+1,), law after law.
 
-    free:         True on a segment, False on a vertical side
-    low, high:    bounds of the moving coordinate (s [m] on a segment, ξ/c [Pa] on a vertical side)
-    sense:        sign of the moving coordinate's change along the line: +1, on the side of a down-jump −1
-    after_low, after_high: code of the piece that follows at either bound (−1 where the bound is infinite)
-    slope, anchor, start: b = start + slope·(s − anchor) on a segment; 0 on a vertical side [Pa/m, m, Pa]
-    kink:         s of a vertical side, 0 on a segment [m]
-    first:        code of the first piece of every node's law (m,), or of the only law (1,)
+    free:       True on a segment, False on a vertical side
+    low, high:  bounds of the moving coordinate (s [m] on a segment, ξ/c [Pa] on a vertical side)
+    sense:      sign of the moving coordinate's change along the line: −1 on the side of a
+                down-jump, else +1
+    after_low, after_high: code of the piece that follows at either bound, −1 at an infinite one
+    slope, anchor, start: b = start + slope·(s − anchor) on a segment; 0 on a vertical side
+                [Pa/m, m, Pa]
+    kink:       s of a vertical side, 0 on a segment [m]
+    first:      code of the first piece of every node's law (m,), or of the only law (1,)
     """
 
     free: NDArray[np.bool_]
@@ -183,54 +193,56 @@ class LawGraph:
 
 
 def law_graph(law: Laws) -> LawGraph:
-    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for
-    exponential pieces.
+    """Return the graph of a piecewise-linear law, or of the laws of nodes.
 
     All laws have as many codes as the one with most kinks; nothing leads to those that a law does
-    not need.
+    not need. Raises ValueError for exponential pieces.
     """
     if not law.piecewise_linear:
         raise ValueError(
-            f"the law {law.name} is not piecewise linear; replace it first by piecewise_linear(law, …) of "
-            "tcstudy.laws.composed"
+            f"the law {law.name} is not piecewise linear; replace it first by "
+            "piecewise_linear(law, …) of tcstudy.laws.composed"
         )
     table = law.tables
     laws, count = table.kinks.shape
-    real, jumps = np.isfinite(table.kinks), (table.b_left, table.b_right)
-
-    def row(segments: ArrayLike, sides: ArrayLike) -> NDArray[Any]:
-        found = np.empty((laws, 2 * count + 1), dtype=np.result_type(segments, sides))
-        found[:, 0::2], found[:, 1::2] = segments, sides
-        return found.ravel()
-
     codes = np.arange(laws * (2 * count + 1), dtype=np.int32).reshape(laws, -1)
-    before, after, bends, falls = (
-        codes - 1,
-        codes + 1,
-        real & (table.kinds == BEND),
-        row(False, table.kinds == DOWN),
-    )
-    after[:, :-1:2] += bends
-    before[:, 2::2] -= bends
-    before[:, 0] = after[np.arange(laws), 2 * np.count_nonzero(real, axis=1)] = -1
+
+    def by_code(segments: ArrayLike, sides: ArrayLike) -> NDArray[Any]:
+        """Return values by code, from those of segments and of vertical sides."""
+        values = np.empty((laws, 2 * count + 1), dtype=np.result_type(segments, sides))
+        values[:, 0::2] = segments
+        values[:, 1::2] = sides
+        return values.ravel()
+
+    is_kink = np.isfinite(table.kinks)
+    bends = is_kink & (table.kinds == BEND)
+    left_code = codes - 1
+    right_code = codes + 1
+    right_code[:, :-1:2] += bends  # a segment is followed by the next one where b only bends
+    left_code[:, 2::2] -= bends
+    last_segment = 2 * np.count_nonzero(is_kink, axis=1)
+    right_code[np.arange(laws), last_segment] = -1
+    left_code[:, 0] = -1
+
+    is_down = by_code(False, table.kinds == DOWN)
     s_0, b_0, q = table.pieces[:3]
     return LawGraph(
-        free=row(True, False),
-        low=row(table.lower, np.minimum(*jumps)),
-        high=row(table.upper, np.maximum(*jumps)),
-        sense=np.where(falls, -1, 1).astype(np.int8),
-        after_low=np.where(falls, after.ravel(), before.ravel()),
-        after_high=np.where(falls, before.ravel(), after.ravel()),
-        slope=row(q, 0.0),
-        anchor=row(s_0, 0.0),
-        start=row(b_0, 0.0),
-        kink=row(0.0, np.where(real, table.kinks, 0.0)),
+        free=by_code(True, False),
+        low=by_code(table.lower, np.minimum(table.b_left, table.b_right)),
+        high=by_code(table.upper, np.maximum(table.b_left, table.b_right)),
+        sense=np.where(is_down, -1, 1).astype(np.int8),
+        after_low=np.where(is_down, right_code.ravel(), left_code.ravel()),
+        after_high=np.where(is_down, left_code.ravel(), right_code.ravel()),
+        slope=by_code(q, 0.0),
+        anchor=by_code(s_0, 0.0),
+        start=by_code(b_0, 0.0),
+        kink=by_code(0.0, np.where(is_kink, table.kinks, 0.0)),
         first=codes[:1, 0] if law.one else codes[law.index, 0],
     )
 
 
 class PathStatus(Enum):
-    """Why a path was not followed further, as a sentence for the user."""
+    """Reasons why a path was not followed further, as sentences for the user."""
 
     RANGE_END = "the parameter reached the end of the range that the path may use"
     CLOSED_LOOP = "the path is a closed loop and came back to its start"
@@ -240,16 +252,16 @@ class PathStatus(Enum):
     )
     UNSTABLE = "the stable branch ends here"
     TURNED_BACK = (
-        "the path came back to a piece it had been on: branches meet at a bifurcation; start again from another "
-        "solution to follow the others"
+        "the path came back to a piece it had been on: branches meet at a bifurcation; "
+        "start again from another solution to follow the others"
     )
     SINGULAR = (
-        "no unique way leads on from here (a bifurcation, or a solution that no others join); start again from "
-        "another solution"
+        "no unique way leads on from here (a bifurcation, or a solution that no others join); "
+        "start again from another solution"
     )
     LOST_ACCURACY = (
-        "rounding left a residual above the tolerance even after a fresh factorisation; the problem is too badly "
-        "conditioned for it, raise the tolerance or check the units"
+        "rounding left a residual above the tolerance even after a fresh factorisation; "
+        "the problem is too badly conditioned for it, raise the tolerance or check the units"
     )
     START = "the path was followed from here in one direction only"
     TURNS = "a node turns back here"
@@ -260,23 +272,22 @@ class PathStatus(Enum):
 
 
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP, PathStatus.START)
-"""Ends at which there is nothing more to follow."""
+"""Ends of a path that is whole: there is nothing more to follow."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """A piecewise-linear path of solutions of Ãu + ξ = l̃₀ + t l̃₁, vertices in the order of
-    travel.
+    """A piecewise-linear path of solutions of Ãu + ξ = l̃₀ + t l̃₁, in the order of travel.
 
-    problem:     what was followed
+    problem:     the problem that was followed
     t:           (k,) parameter at the vertices
     u:           (k, m) displacements [m]
     traction:    (k, m) ξ/c [Pa], on the graph of b̂
-    residual:    (k,) max_i |l̃ − Ãu − ξ|_i/c_i / (scale of b): how far the point on the graph is from balance
+    residual:    (k,) max_i |l̃ − Ãu − ξ|_i/c_i, relative to the scale of b
     stable:      (k−1,) per piece: strict local minimum of L̃ in its interior
     codes:       (k−1, m) code of every node on every piece
     start:       vertex from which the path was followed
-    begin, end:  why it stops at the first and at the last vertex
+    begin, end:  reasons why it stops at the first and at the last vertex
     """
 
     problem: ParametricProblem
@@ -292,13 +303,20 @@ class Path:
 
     @classmethod
     def standing(cls, problem: ParametricProblem, t: float, u: Array, end: PathStatus) -> Path:
-        """A solution from which no straight piece leads on, as the path that ends there."""
+        """Return the path that ends at a solution from which no straight piece leads on."""
         force = (problem.load(t) - problem.A_tilde @ u) / problem.c
         traction = np.clip(force, *problem.law.interval(u))
-        residual = np.array([np.max(np.abs(force - traction)) / problem.traction_scale])
-        stable, codes = np.zeros(0, dtype=bool), np.zeros((0, len(u)), dtype=np.int32)
         return cls(
-            problem, np.array([t]), u[None], traction[None], residual, stable, codes, 0, end, end
+            problem=problem,
+            t=np.array([t]),
+            u=u[None],
+            traction=traction[None],
+            residual=np.array([np.max(np.abs(force - traction)) / problem.traction_scale]),
+            stable=np.zeros(0, dtype=bool),
+            codes=np.zeros((0, len(u)), dtype=np.int32),
+            start=0,
+            begin=end,
+            end=end,
         )
 
     @property
@@ -308,8 +326,7 @@ class Path:
 
     @cached_property
     def slipping(self) -> NDArray[np.bool_]:
-        """(k−1, m) True where a node is on a segment of b, False where it sits on a vertical
-        side."""
+        """(k−1, m) True where a node is on a segment of b, False where on a vertical side."""
         return np.asarray(self.problem.graph.free[self.codes])
 
     @cached_property
@@ -328,18 +345,22 @@ class Path:
         return np.stack([self.t, self.traction @ self.problem.c], axis=1)
 
     def along(self, side: int) -> tuple[Array, float]:
-        """(row, time) of a coordinate row·u + time·t along a piece: that of the slips, or t where
-        all nodes rest."""
-        way = self.u[side + 1] - self.u[side]
-        length = float(np.max(np.abs(way)))
+        """Return (row, time) of a coordinate row·u + time·t along a piece.
+
+        It measures the slips, or t where all nodes rest.
+        """
+        slips = self.u[side + 1] - self.u[side]
+        length = float(np.max(np.abs(slips)))
         if length == 0.0:
-            return np.zeros(len(way)), float(np.sign(self.t[side + 1] - self.t[side]))
-        return way / length, 0.0
+            return np.zeros(len(slips)), float(np.sign(self.t[side + 1] - self.t[side]))
+        return slips / length, 0.0
 
     @cached_property
     def folds(self) -> Index:
-        """Vertices at which t turns (a piece along which t stands still belongs to the fold before
-        it)."""
+        """Vertices at which t turns.
+
+        A piece along which t stands still belongs to the fold before it.
+        """
         direction = np.sign(np.diff(self.t))
         moving = np.flatnonzero(direction)
         turns = np.flatnonzero(direction[moving][1:] != direction[moving][:-1])

@@ -1,22 +1,20 @@
-"""Questions to a path: its solutions at one t, those of the true smooth law, folds, the least
-energy proved; and every branch of solutions over an interval of t, closed loops included, proved to
-be all or said why not.
+"""Questions to a path: solutions at one t, folds, the least energy; all branches of a range, proved.
 
-Folds: a turn of t and its neighbour that comes back the least are one small step back: such pairs
-are taken away, smallest first, as long as they step back too little (persistence, Edelsbrunner,
-Letscher & Zomorodian, Discrete Comput. Geom. 28 (2002) 511–533). So a wiggle at a large fold goes,
-and the fold itself stays.
+Folds: a turn of t and its neighbour to which it steps back the least make one small step back. Such
+pairs are taken away, smallest first, as long as they step back too little (persistence,
+Edelsbrunner, Letscher & Zomorodian, Discrete Comput. Geom. 28 (2002) 511–533). So a wiggle at a
+large fold goes, and the fold itself stays.
 
 Least energy: the lower envelope of parabolas, exact up to rounding. Along a piece dL̃/dt = −W with
-W = l̃₁ᵀu linear in t, so L̃ is a parabola of t there; where two of them cross (a Maxwell point) the
+W = l̃₁ᵀu linear in t, so L̃ is a parabola of t there. Where two of them cross (a Maxwell point) the
 lowest solution changes without a fold.
 
 Branches: `contact.all_solutions` finds all cells that may hold a solution for some t, as problems
-with a load that varies: slabs of t cover the interval and every step but a proof of emptiness keeps
-all solutions. In a cell the solutions are one segment: branches are followed from those that begin
-at an end of the interval, loops from what is left. Checked: every cell that a branch goes through
-is one that has a segment, no segment is on no branch, no branch ends inside, and the number of
-solutions is odd where the interval begins, so that it is everywhere.
+with a load that varies: slabs of t cover the interval, and every step but a proof of emptiness
+keeps all solutions. In a cell the solutions are one segment. Branches are followed from those that
+begin at an end of the interval, loops from what is left. Checked: every cell that a branch goes
+through is one that has a segment, no segment is on no branch, no branch ends inside, and the number
+of solutions is odd where the interval begins, so that it is everywhere.
 """
 
 from __future__ import annotations
@@ -33,6 +31,7 @@ from tcstudy.contact.all_solutions import (
     Equilibria,
     Limits,
     PolygonProblems,
+    Segments,
     sides_of_codes,
     unproved,
 )
@@ -49,21 +48,24 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-CARRIED = 1e-9
-"""A solution of straight pieces has led to one of the law itself if the residual is no larger."""
+MAX_CARRIED_RESIDUAL = 1e-9
+"""A solution of the straight pieces has led to one of the law itself if its residual is no larger."""
 
 
 def folds(path: Path, least: float) -> Index:
-    """Vertices at which t turns and steps back by this much or more."""
-    t, left = path.t, [0, *path.folds.tolist(), path.pieces]
-    while len(left) > 3:
-        steps = np.abs(np.diff(t[left]))[1:-1]
-        at = int(np.argmin(steps))
-        if steps[at] >= least:
+    """Return the vertices at which t turns and steps back by `least` or more."""
+    t = path.t
+    vertices = [0, *path.folds.tolist(), path.pieces]  # turns of t between the ends of the path
+    while len(vertices) > 3:
+        steps = np.abs(np.diff(t[vertices]))[1:-1]
+        smallest = int(np.argmin(steps))
+        if steps[smallest] >= least:
             break
-        del left[at + 1 : at + 3]
-    none = len(left) == 3 and np.abs(np.diff(t[left])).min() < least
-    return np.array([] if none else left[1:-1], dtype=np.intp)
+        del vertices[smallest + 1 : smallest + 3]
+    turns = vertices[1:-1]
+    if len(turns) == 1 and np.abs(np.diff(t[vertices])).min() < least:
+        turns = []
+    return np.array(turns, dtype=np.intp)
 
 
 class PathSolution(NamedTuple):
@@ -80,60 +82,72 @@ class PathSolution(NamedTuple):
 
 
 def solutions_at(path: Path, t: float) -> list[PathSolution]:
-    """All solutions of the path at t in its order; a vertex counts once.
+    """Return all solutions of the path at t in its order; a vertex counts once.
 
     Along a piece on which t stands still all points are solutions of the same t: its two ends are
     returned.
     """
-    low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
-    found, last = list[PathSolution](), -1.0
+    low, high = _ranges(path)
+    solutions = list[PathSolution]()
+    last_place = -1.0
     for piece in np.flatnonzero((low <= t) & (t <= high)).tolist():
-        (t_0, t_1), (begin, end) = path.t[piece : piece + 2], path.u[piece : piece + 2]
-        for s in (0.0, 1.0) if t_0 == t_1 else (float((t - t_0) / (t_1 - t_0)),):
-            before = (
-                found.pop().stable if piece + s == last else True
-            )  # the vertex between two pieces
-            v, last = end if s == 1.0 else begin + s * (end - begin), piece + s
-            found.append(PathSolution(v, before and bool(path.stable[piece]), piece))
-    return found
+        t_begin, t_end = path.t[piece : piece + 2]
+        u_begin, u_end = path.u[piece : piece + 2]
+        if t_begin == t_end:
+            shares = [0.0, 1.0]
+        else:
+            shares = [float((t - t_begin) / (t_end - t_begin))]
+        for share in shares:
+            stable = bool(path.stable[piece])
+            place = piece + share
+            if place == last_place:  # the vertex between two pieces
+                stable = solutions.pop().stable and stable
+            v = u_end if share == 1.0 else u_begin + share * (u_end - u_begin)
+            solutions.append(PathSolution(v, stable, piece))
+            last_place = place
+    return solutions
+
+
+def _ranges(path: Path) -> tuple[Array, Array]:
+    """Return (k,) the smallest and the largest t of every piece."""
+    return np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
 
 
 def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
-    """The solutions of the law that the path's law approximates, by Newton's method from those of
-    the path.
+    """Return the solutions of the law that the path's law approximates, from those of the path.
 
-    Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A
+    Newton's method keeps each node on the same jump, or on the piece of `law` in which it lies. A
     solution that does not carry over (its residual says so) is polished on the pieces identified
     there; judge every answer by its residual.
     """
-    problem, curve, found = (
-        path.problem.with_law(law).at(t),
-        SmoothPath(path, law),
-        list[PathSolution](),
-    )
+    problem = path.problem.with_law(law).at(t)
+    curve = SmoothPath(path, law)
+    measures_t = np.zeros(problem.m), 1.0
+    solutions = list[PathSolution]()
     for solution in solutions_at(path, t):
-        point = curve.at(solution.piece, (np.zeros(problem.m), 1.0), t, solution.v, t)
-        v, residual = (
-            (solution.v, np.inf)
-            if point is None
-            else (point.v, problem.inclusion_residual(point.v))
-        )
-        if (
-            not residual <= CARRIED
-            and (other := polished(problem, solution.v, exact=False)).residual < residual
-        ):
-            v = other.v
-        found.append(solution._replace(v=v))
-    return found
+        v = solution.v
+        residual = np.inf
+        point = curve.at(solution.piece, measures_t, t, v, t)
+        if point is not None:
+            v = point.v
+            residual = problem.inclusion_residual(v)
+        if not residual <= MAX_CARRIED_RESIDUAL:
+            candidate = polished(problem, solution.v, exact=False)
+            if candidate.residual < residual:
+                v = candidate.v
+        solutions.append(solution._replace(v=v))
+    return solutions
 
 
-SHORT = 1e-13
-"""Intervals below this part of the range of t are vertices that differ by rounding."""
+MIN_INTERVAL = 1e-13
+"""Shorter intervals, relative to the range of t, are vertices that differ by rounding."""
 
 
 class Lowest(NamedTuple):
-    """The lowest solutions of a path, by growing t: piece[i] is lowest for begin[i] ≤ t ≤ end[i],
-    all (n,)."""
+    """The lowest solutions of a path, by growing t, all (n,).
+
+    piece[i] is lowest for begin[i] ≤ t ≤ end[i].
+    """
 
     begin: Array
     end: Array
@@ -141,87 +155,114 @@ class Lowest(NamedTuple):
 
 
 def lowest(path: Path) -> Lowest:
-    """The piece of least energy among all solutions on the path, for every t that it reaches."""
-    values, (t, energy, w) = np.unique(path.t), (path.t, path.energy, path.conjugate)
-    low, high = np.minimum(t[:-1], t[1:]), np.maximum(t[:-1], t[1:])
-    found: list[tuple[float, float, int]] = []
+    """Return the piece of least energy among all solutions on the path, for every t it reaches."""
+    t = path.t
+    energy = path.energy
+    W = path.conjugate
+    low, high = _ranges(path)
+    values = np.unique(t)
+    min_width = MIN_INTERVAL * (values[-1] - values[0])
+    begins = list[float]()
+    ends = list[float]()
+    pieces = list[int]()
     for a, b in pairwise(values):
-        k = np.flatnonzero((low <= a) & (high >= b))
-        if b - a <= SHORT * (values[-1] - values[0]) or not len(k):
+        candidates = np.flatnonzero((low <= a) & (high >= b))
+        width = b - a
+        if width <= min_width or not len(candidates):
             continue
-        slope = (w[k + 1] - w[k]) / (t[k + 1] - t[k])
-        at_a = w[k] + slope * (a - t[k])
-        e = energy[k] - 0.5 * (w[k] + at_a) * (
-            a - t[k]
-        )  # L̃ = e + f s + g s², s = 0 at a and 1 at b
-        for s_0, s_1, i in _envelope(e, -at_a * (b - a), -0.5 * slope * (b - a) ** 2):
-            begin, end, piece = a + s_0 * (b - a), a + s_1 * (b - a), int(k[i])
-            if found and found[-1][2] == piece:
-                begin = found.pop()[0]
-            found.append((begin, end, piece))
-    columns = list(zip(*found, strict=True)) or [(), (), ()]
-    return Lowest(np.array(columns[0]), np.array(columns[1]), np.array(columns[2], dtype=np.intp))
+        t_0 = t[candidates]
+        W_0 = W[candidates]
+        slope = (W[candidates + 1] - W_0) / (t[candidates + 1] - t_0)
+        W_a = W_0 + slope * (a - t_0)
+        # L̃ = e + f s + g s², s = 0 at a and 1 at b
+        e = energy[candidates] - 0.5 * (W_0 + W_a) * (a - t_0)
+        for s_begin, s_end, i in _envelope(e, -W_a * width, -0.5 * slope * width**2):
+            piece = int(candidates[i])
+            end = a + s_end * width
+            if pieces and pieces[-1] == piece:
+                ends[-1] = end
+            else:
+                begins.append(a + s_begin * width)
+                ends.append(end)
+                pieces.append(piece)
+    return Lowest(np.array(begins), np.array(ends), np.array(pieces, dtype=np.intp))
+
+
+MIN_ADVANCE = 1e-9
+"""Parabolas that cross within this share behind the last crossing do not cross again."""
+
+TOUCH = 1e-13
+"""A parabola that falls below another by less than this, relative to their terms, only touches it."""
 
 
 def _envelope(e: Array, f: Array, g: Array) -> list[tuple[float, float, int]]:
-    """(from, to, which) of the lower envelope of e + f s + g s² on 0 ≤ s ≤ 1."""
-    noise = 1e-13 * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
-    s, parts, now = 0.0, [], int(np.argmin(e - np.min(e) + f * 1e-6 + g * 1e-12))
+    """Return (begin, end, index) of the parts of the lower envelope of e + f s + g s², 0 ≤ s ≤ 1."""
+    noise = TOUCH * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
+    begin = 0.0
+    lowest_index = int(np.argmin(e - np.min(e) + f * 1e-6 + g * 1e-12))  # just behind s = 0
+    parts = []
     for _ in range(2 * len(e) + 1):
-        d, h, q = (
-            e - e[now],
-            f - f[now],
-            g - g[now],
-        )  # which others fall through zero first beyond s?
+        # which parabola falls below the lowest one first?
+        d = e - e[lowest_index]
+        h = f - f[lowest_index]
+        q = g - g[lowest_index]
         root = np.sqrt(np.maximum(h * h - 4.0 * d * q, 0.0))
         half = -0.5 * (h + np.where(h >= 0.0, root, -root))
         with np.errstate(divide="ignore", invalid="ignore"):
-            x = np.stack([half / q, d / half])
-            falls = (h + 2.0 * q * x < 0.0) & (h * h > 4.0 * d * q) & (x > s + 1e-9) & (x < 1.0)
-        falls &= np.minimum(d + h + q, 0.0) < -noise  # a branch that only touches is no change
-        x = np.where(falls, x, np.inf).min(axis=0)
-        which = int(np.argmin(x))
-        if not x[which] < 1.0:
+            s = np.stack([half / q, d / half])
+            falls = (h + 2.0 * q * s < 0.0) & (h * h > 4.0 * d * q)
+            falls &= (s > begin + MIN_ADVANCE) & (s < 1.0)
+        falls &= np.minimum(d + h + q, 0.0) < -noise
+        crossing = np.where(falls, s, np.inf).min(axis=0)
+        first = int(np.argmin(crossing))
+        if not crossing[first] < 1.0:
             break
-        parts.append((s, float(x[which]), now))
-        s, now = float(x[which]), which
-    return [*parts, (s, 1.0, now)]
+        end = float(crossing[first])
+        parts.append((begin, end, lowest_index))
+        begin = end
+        lowest_index = first
+    parts.append((begin, 1.0, lowest_index))
+    return parts
 
 
-AT_ONCE = 2**20
-"""Entries of the arrays of solutions that are proved together."""
+MAX_ENTRIES_AT_ONCE = 2**20
+"""Entries of the arrays of solutions that are proved together; it limits memory."""
 
 
 def proved_minima(
     path: Path, low: Lowest, lambda_1: float, acceptance: Acceptance
 ) -> NDArray[np.bool_]:
-    """(n,) whether the lowest solution in the middle of every interval is proved to have the least
-    energy of all.
+    """Return (n,) whether the lowest solution is proved to be the global minimum of the energy.
 
-    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m];  acceptance: which residual makes a solution
+    It is asked in the middle of every interval.
+
+    lambda_1:   λ_min(C^{−½}ÃC^{−½}) [Pa/m]
+    acceptance: tells by its residual whether something is a solution
     """
-    proved = np.zeros(len(low.piece), dtype=bool)
-    for own in np.array_split(np.arange(len(proved)), 1 + len(proved) * path.problem.m // AT_ONCE):
-        t, k = 0.5 * (low.begin + low.end)[own], low.piece[own]
-        share = (t - path.t[k]) / (path.t[k + 1] - path.t[k])
-        v = path.u[k] + share[:, None] * (path.u[k + 1] - path.u[k])
+    count = len(low.piece)
+    proved = np.zeros(count, dtype=bool)
+    parts = 1 + count * path.problem.m // MAX_ENTRIES_AT_ONCE
+    for intervals in np.array_split(np.arange(count), parts):
+        t = 0.5 * (low.begin + low.end)[intervals]
+        piece = low.piece[intervals]
+        share = (t - path.t[piece]) / (path.t[piece + 1] - path.t[piece])
+        slips = path.u[piece + 1] - path.u[piece]
+        v = path.u[piece] + share[:, None] * slips
         rows = path.problem.rows(t, lambda_1)
-        solved, proofs = (
-            acceptance.accepts(rows.inclusion_residual(v), rows.xi_rounding(v)),
-            Proofs(rows),
-        )
+        solved = acceptance.accepts(rows.inclusion_residual(v), rows.xi_rounding(v))
+        proofs = Proofs(rows)
         proofs.prove_lowest(np.flatnonzero(solved), v)
-        proved[own] = solved & (proofs.unique | proofs.lowest)
+        proved[intervals] = solved & (proofs.unique | proofs.lowest)
     return proved
 
 
-# -- all branches of a range
-# -------------------------------------------------------------------------------------------
+# -- all branches of a range -----------------------------------------------------------------------
 
 SLABS = 16
-"""Parts of the interval that the search begins from; each is proved, or given up, by itself."""
-MOST_PIECES = 20_000
-"""Of a branch to either side of where it was found."""
+"""Parts of the interval that the search begins from; each is proved, or given up, separately."""
+
+MAX_PIECES = 20_000
+"""Pieces of a branch to either side of where it was found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +270,8 @@ class Branches:
     """All branches between two values of t.
 
     branches: a loop has its first vertex again at the end, and the status CLOSED_LOOP
-    reason: why they are not proved to be all, "" if they are
-    listed: solutions at the values asked for for which the branches do not answer
+    reason:   why they are not proved to be all, "" if they are
+    listed:   solutions at the requested values of t that the branches do not answer for
     """
 
     branches: tuple[Path, ...]
@@ -242,14 +283,20 @@ class Branches:
         return not self.reason
 
     def solutions(self, t: float) -> list[tuple[Array, bool]]:
-        """(v (m,), stable) of all that are known at t; those listed by themselves may be on
-        branches as well."""
-        known = [(one.v, one.stable) for branch in self.branches for one in solutions_at(branch, t)]
-        one = self.listed.get(t)
-        return known if one is None else [*known, *zip(one.v, one.stable.tolist(), strict=True)]
+        """Return (v (m,), stable) of all known solutions at t.
+
+        Those of `listed` may be on branches as well.
+        """
+        solutions = list[tuple[Array, bool]]()
+        for branch in self.branches:
+            solutions += [(point.v, point.stable) for point in solutions_at(branch, t)]
+        if t in self.listed:
+            listed = self.listed[t]
+            solutions += zip(listed.v, listed.stable.tolist(), strict=True)
+        return solutions
 
     def complete_at(self, t: float) -> bool:
-        """Whether these are proved to be all at a value that was asked for."""
+        """Return whether the solutions at a requested value are proved to be all."""
         return self.listed[t].complete if t in self.listed else self.complete
 
 
@@ -261,60 +308,95 @@ def all_branches(
     limits: Limits | None = None,
     at: Sequence[float] = (),
 ) -> Branches:
-    """Every branch for t from begin to end; limits are of each slab, and of each value.
+    """Return every branch for t from begin to end.
 
-    at: values of t whose solutions are to be known. Where the search of all branches does not
-    answer for one, as its
-        limits are met or the value is outside, the solutions there are listed by themselves; those
-        inside are followed
-        like what was found of unfinished branches, so that every branch known is whole.
+    limits: of the search in each slab, and at each value
+    at:     values of t whose solutions are requested. If the search of all branches does not answer
+            for one, as its limits are met or the value is outside, the solutions there are listed.
+            Those inside are followed like the segments of unfinished branches, so that every branch
+            known is whole.
     Raises ValueError for laws with exponential pieces.
     """
-    limits, low, high = limits or Limits(), min(begin, end), max(begin, end)
+    limits = limits or Limits()
+    low = min(begin, end)
+    high = max(begin, end)
     problem = problem.without_narrow_pieces
-    edge, per_s = np.linspace(0.0, 1.0, SLABS + 1), (high - low) * problem.l_1
-    loads = problem.load(low) + 0.5 * (edge[1:] + edge[:-1])[:, None] * per_s
+    slab_ends = np.linspace(0.0, 1.0, SLABS + 1)
+    middles = 0.5 * (slab_ends[1:] + slab_ends[:-1])
+    load_range = (high - low) * problem.l_1
     boxes = PolygonProblems(
-        problem.A_tilde, problem.c, problem.law, loads, lambda_1, per_s * 0.5 / SLABS
+        problem.A_tilde,
+        problem.c,
+        problem.law,
+        problem.load(low) + middles[:, None] * load_range,
+        lambda_1,
+        load_range * 0.5 / SLABS,
     )
     cells = boxes.search(limits)
-    stopped = bool(np.any(cells.stopped))
-    listed = {
-        t: known_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high
-    }
-    inside = [x.sides for t, x in listed.items() if low <= t <= high]
-    sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
-    found = boxes.segments(
-        np.zeros(len(sides), dtype=np.intp), sides, problem.load(low)[None], per_s
-    )
-    one, undecided = found.one, int(np.count_nonzero(~(found.one | found.none)))
-    keys, u, s, open_end = (
-        [row.tobytes() for row in sides[one]],
-        found.u[one],
-        found.s[one],
-        found.open_end[one],
-    )
-    on_branch, branches, missing = set[bytes](), list[Path](), 0
-    follower, side_of = Follower(low, high, MOST_PIECES), sides_of_codes(problem.law)
-    for i, h in [*np.argwhere(open_end).tolist(), *((i, 0) for i in range(len(keys)))]:
-        if keys[i] in on_branch:
-            continue
-        t = high if s[i, h] == 1.0 else low + float(s[i, h]) * (high - low)
-        way: Direction = ("forward" if t == low else "backward") if open_end[i, h] else "both"
-        branch = follower.follow(problem, u[i, h], t, way)
-        through = {row.tobytes() for row in side_of[branch.codes]} | {keys[i]}
-        ends = {branch.begin, branch.end} - {PathStatus.START}
-        missing += len(through.difference(keys))
-        missing += len(ends) > 1 or not ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
-        on_branch |= through
-        branches.append(branch)
-    count, limit = sum(float(t) == low for branch in branches for t in branch.t[[0, -1]]), ""
-    if stopped:
-        t_of, turns = (
-            low + (high - low) * edge,
-            np.flatnonzero(np.diff(cells.stopped, prepend=False, append=False)),
-        )
-        parts = [f"{t_of[i]:g} to {t_of[j]:g}" for i, j in turns.reshape(-1, 2)]
-        limit = f"boxes or time was met where the parameter is {', '.join(parts)}"
-    reason = unproved(limit, undecided or missing, count)
+    is_limited = bool(np.any(cells.stopped))
+    unanswered = [t for t in at if is_limited or not low <= t <= high]
+    listed = {t: known_solutions(problem.at(t), limits) for t in unanswered}
+
+    listed_sides = [listed[t].sides for t in unanswered if low <= t <= high]
+    sides = np.unique(np.concatenate([cells.sides, *listed_sides]), axis=0)
+    first_load = problem.load(low)[None]
+    segments = boxes.segments(np.zeros(len(sides), dtype=np.intp), sides, first_load, load_range)
+    undecided = int(np.count_nonzero(~(segments.one | segments.none)))
+    branches, missing = _followed(problem, low, high, sides, segments)
+
+    solutions_at_low = 0
+    for branch in branches:
+        solutions_at_low += sum(float(t) == low for t in branch.t[[0, -1]])
+    limit = ""
+    if is_limited:
+        t_of = low + (high - low) * slab_ends
+        limit = f"boxes or time was met where the parameter is {_stopped(cells.stopped, t_of)}"
+    reason = unproved(limit, undecided or missing, solutions_at_low)
     return Branches(tuple(branches), reason, listed)
+
+
+def _stopped(stopped: Flags, t_of: Array) -> str:
+    """Return the ranges of t of neighbouring slabs that a limit has stopped, in words."""
+    changes = np.flatnonzero(np.diff(stopped, prepend=False, append=False))
+    ranges = [f"{t_of[first]:g} to {t_of[last]:g}" for first, last in changes.reshape(-1, 2)]
+    return ", ".join(ranges)
+
+
+def _followed(
+    problem: ParametricProblem, low: float, high: float, sides: Index, segments: Segments
+) -> tuple[list[Path], int]:
+    """Return the branches of all segments, and a count of what contradicts that they are all.
+
+    Contradictions are cells without a segment through which a branch goes, and branches that end
+    inside the range.
+
+    sides: (n, m) cells of the segments
+    """
+    cells = [row.tobytes() for row in sides[segments.one]]
+    u = segments.u[segments.one]
+    s = segments.s[segments.one]
+    open_end = segments.open_end[segments.one]
+    side_of_code = sides_of_codes(problem.law)
+    follower = Follower(low, high, MAX_PIECES)
+    branches = list[Path]()
+    on_branch = set[bytes]()
+    contradictions = 0
+    # first those that begin at an end of the interval, then loops
+    starts = [*np.argwhere(open_end).tolist(), *([i, 0] for i in range(len(cells)))]
+    for segment, segment_end in starts:
+        if cells[segment] in on_branch:
+            continue
+        share = float(s[segment, segment_end])
+        t = high if share == 1.0 else low + share * (high - low)
+        direction: Direction = "both"
+        if open_end[segment, segment_end]:
+            direction = "forward" if t == low else "backward"
+        branch = follower.follow(problem, u[segment, segment_end], t, direction)
+        branch_cells = {row.tobytes() for row in side_of_code[branch.codes]} | {cells[segment]}
+        ends = {branch.begin, branch.end} - {PathStatus.START}
+        contradictions += len(branch_cells.difference(cells))
+        is_whole = len(ends) <= 1 and ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
+        contradictions += not is_whole
+        on_branch |= branch_cells
+        branches.append(branch)
+    return branches, contradictions

@@ -1,24 +1,21 @@
-"""A point on the path, the cell it is in, the way to the cell's boundary, and the next cell; and
-where a walk begins.
+"""A walk along a path: a point, its cell, the way to the cell's boundary, and the next cell.
 
-In working units: stiffness divided by its mean diagonal, so that forces c·(ξ/c) and slips have the
-same unit, and t times a power of two, τ, so that the load per τ is about 1. `x` (m + 1,) holds the
-coordinate of every node that moves in the present cell, u_i of a free node, the force of one on a
-vertical side, and τ last: the end of the range of t is the end of its piece. One node at its bound
-goes on into the next piece of its graph in the same sense, whatever t does: a fold is nothing
-special.
+In working units: stiffness is divided by its mean diagonal, so that forces c·(ξ/c) and slips have
+the same unit, and t is multiplied by a power of two, τ = `t_unit` t, so that the load per τ is
+about 1. `x` (m + 1,) holds the coordinate of every node that moves in the present cell (u_i of a
+free node, the force of a held one, which is on a vertical side), and τ last. The end of the range
+of t is the end of τ's piece. One node at its bound goes on into the next piece of its graph in the
+same sense, whatever t does: a fold is nothing special.
 
-Several at once (ties) are a `Corner`. The cells around it form a cone in which each of these nodes
-is on the near side of its kink, where it came from, or on the far one.
-  1. All go over together. If the nodes are exchanged by a symmetry of the problem this is always
-    the continuation
-     (in the symmetric problem it is one event), and so a symmetric branch is kept.
-  2. Otherwise each gets its own time of arrival. This is a perturbation of the load for which the
-    events come one by
-     one; in the cone it need not be small. The perturbed path enters along the present ray, visits
-     each cell at most
-     once and leaves along another ray, which is a continuation of the unperturbed path. It cannot
-     cycle.
+Several nodes at once (ties) are a `Corner`. The cells around it form a cone in which each of these
+nodes is on the near side of its kink, where it came from, or on the far one.
+
+1. All go over together. If the nodes are exchanged by a symmetry of the problem this is always the
+   continuation (in the symmetric problem it is one event), and so a symmetric branch is kept.
+2. Otherwise each gets its own time of arrival. This is a perturbation of the load for which the
+   events come one by one; in the cone it need not be small. The perturbed path enters along the
+   present ray, visits each cell at most once and leaves along another ray, which is a continuation
+   of the unperturbed path. It cannot cycle.
 """
 
 from __future__ import annotations
@@ -37,20 +34,29 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-TIE, BLURS, LARGEST_TIE = 1e-12, 64.0, 1e-9
-"""Nodes this close to their bound, relative to slip and traction there, reach it together with the
-first one, or as close as rounding lets their place be known: so many times ScaledBody.blur, as the
-motion is nearly singular where a whole zone reaches its bounds at once; whatever rounding is, nodes
-farther than the last have not reached theirs. Nodes at rest stand on their bounds only within the
-first."""
+MIN_TIE = 1e-12
+"""Nodes within this distance of their bounds reach them together with the first one.
 
-DRIFTED = 1e3
-"""How many times farther than a tie nodes are looked at again, with the point corrected first."""
+Relative to slip and traction there. Nodes at rest stand on their bounds only within this.
+"""
 
-CRAWLS = 1e-4
-"""A node slower than this part of the fastest one hardly knows its place on the path: a corrected
-point is not held where that node has reached its bound, or rounding of its coordinate would move
-the point along the path."""
+TIE_ROUNDINGS = 64.0
+"""The same in units of the rounding error of a displacement (ScaledBody.blur), if larger.
+
+The motion is nearly singular where a whole zone reaches its bounds at once.
+"""
+
+MAX_TIE = 1e-9
+"""Upper limit of both: nodes farther than this have not reached their bounds."""
+
+TIE_CHECK = 1e3
+"""Nodes within this many ties of their bounds are looked at again, once the point is corrected."""
+
+MIN_HOLDING_SPEED = 1e-4
+"""A node slower than this part of the fastest does not hold a corrected point where it stands.
+
+Rounding of its coordinate would move the point along the path.
+"""
 
 
 class Ray(NamedTuple):
@@ -62,11 +68,12 @@ class Ray(NamedTuple):
 
 
 class Walk:
-    """The present cell with its bounds and linear algebra, the present point, and the direction of
-    travel.
+    """The present cell with its bounds and linear algebra, the present point, and the direction.
 
-    codes: (m,) piece of every node;  x: (m + 1,) moving coordinates;  dx: (m + 1,) direction, its length has no meaning
-    basis: that of another walk on the same body may be taken over
+    codes: (m,) piece of every node
+    x:     (m + 1,) moving coordinates
+    dx:    (m + 1,) direction of travel; its length has no meaning
+    basis: may be taken over from another walk on the same body
     """
 
     def __init__(
@@ -77,88 +84,107 @@ class Walk:
         t: float,
         basis: BasisInverse | None = None,
     ) -> None:
-        body, graph = problem.body, problem.graph
-        self.problem, self.graph, self.m = problem, graph, problem.m
-        self.size = float(2.0 ** np.round(np.log2(np.max(np.abs(problem.l_1)) / body.stiffness)))
-        self.weight, self.diagonal = problem.c / body.stiffness, np.diagonal(body.A)
-        self.slip = problem.traction_scale * self.weight / self.diagonal
-        self.usual_tie = self.tie = max(TIE, min(BLURS * body.blur, LARGEST_TIE))
-        load, free, k = (
-            problem.l_1 / (self.size * body.stiffness),
-            graph.free[codes],
-            self.weight * graph.slope[codes],
-        )
-        self.codes, self.free, self.kink = codes.copy(), free, graph.kink[codes]
-        unit, self.x = np.where(free, 1.0, self.weight), np.append(x, t * self.size)
-        self.low, self.high = (
-            np.append(graph.low[codes] * unit, -np.inf),
-            np.append(graph.high[codes] * unit, np.inf),
-        )
-        if basis is None:
-            basis = BasisInverse(body.A, load, free, k)
-        elif not np.array_equal(basis.load, load):
-            basis.load, basis.stale = load, True
-        self.basis = basis
-        basis.become(free, k)
-        self.head()
+        body = problem.body
+        graph = problem.graph
+        self.problem = problem
+        self.graph = graph
+        self.m = problem.m
+        load_per_t = np.max(np.abs(problem.l_1)) / body.stiffness
+        self.t_unit = float(2.0 ** np.round(np.log2(load_per_t)))
+        self.weight = problem.c / body.stiffness  # from a traction to a force in working units
+        self.diagonal = np.diagonal(body.A)
+        self.slip_scale = problem.traction_scale * self.weight / self.diagonal
+        self.usual_tie = max(MIN_TIE, min(TIE_ROUNDINGS * body.blur, MAX_TIE))
+        self.tie = self.usual_tie
 
-    def put(self, ray: Ray) -> None:
-        """To another point and its pieces, and on its way."""
+        self.codes = codes.copy()
+        self.free = graph.free[codes]
+        self.kink = graph.kink[codes]
+        self.x = np.append(x, t * self.t_unit)
+        unit = np.where(self.free, 1.0, self.weight)
+        self.low = np.append(graph.low[codes] * unit, -np.inf)
+        self.high = np.append(graph.high[codes] * unit, np.inf)
+
+        load = problem.l_1 / (self.t_unit * body.stiffness)
+        k = self.weight * graph.slope[codes]
+        if basis is None:
+            basis = BasisInverse(body.A, load, self.free, k)
+        elif not np.array_equal(basis.load, load):
+            basis.load = load
+            basis.stale = True
+        self.basis = basis
+        basis.become(self.free, k)
+        self._take_direction()
+
+    def go_to(self, ray: Ray) -> None:
+        """Go to another point and its pieces, in its direction."""
         self.place(np.arange(self.m), ray.codes)
         self.x = ray.x.copy()
         if ray.dx @ self.dx < 0.0:
             self.turn()
 
     def place(self, nodes: Index, codes: Codes) -> None:
-        """Put nodes on other pieces, at the kinks where they stand; the sense of travel has no
-        meaning any more."""
+        """Put nodes on other pieces, at the kinks where they stand.
+
+        The sense of travel has no meaning afterwards.
+        """
         for i, code in zip(nodes.tolist(), codes.tolist(), strict=True):
             if code != self.codes[i]:
                 self._put(i, code)
         self.basis.become(self.free, self.weight * self.graph.slope[self.codes])
-        self.head()
+        self._take_direction()
 
     def go_over(self, i: int, code: int) -> None:
-        """Node i goes over to another piece, in the same sense along its graph. Raises
-        SingularCellError."""
-        ahead = self.dx[i] * float(self.graph.sense[self.codes[i]]) * float(self.graph.sense[code])
+        """Let node i go over to another piece, in the same sense along its graph.
+
+        Raises SingularCellError if no direction exists there.
+        """
+        sense_before = float(self.graph.sense[self.codes[i]])
+        speed = self.dx[i] * sense_before * float(self.graph.sense[code])
         self._put(i, code)
         self.basis.place(i, self.free.item(i), self.weight.item(i) * self.graph.slope.item(code))
         self.basis.settle()
-        self.head()
-        if self.dx[i] * ahead < 0.0:
+        self._take_direction()
+        if self.dx[i] * speed < 0.0:
             self.turn()
 
     def _put(self, i: int, code: int) -> None:
-        g, old, free, weight = (
-            self.graph,
-            self.codes.item(i),
-            self.graph.free.item(code),
-            self.weight.item(i),
-        )
-        kink = (
-            self.kink.item(i) if not self.free[i] else self.x.item(i) if free else g.kink.item(code)
-        )
-        # onto a vertical side: the traction it begins with is that of the segment the node comes
-        # from
-        x = (
-            kink
-            if free
-            else weight * (g.start.item(old) + g.slope.item(old) * (kink - g.anchor.item(old)))
-        )
+        """Put node i on another piece, at the bound that is nearer to where it stands."""
+        graph = self.graph
+        free = graph.free.item(code)
+        weight = self.weight.item(i)
         unit = 1.0 if free else weight
-        low, high = g.low.item(code) * unit, g.high.item(code) * unit
-        self.codes[i], self.free[i], self.kink[i] = code, free, g.kink.item(code)
-        self.low[i], self.high[i], self.x[i] = low, high, high if high - x < x - low else low
+        low = graph.low.item(code) * unit
+        high = graph.high.item(code) * unit
+        if not self.free[i]:
+            kink = self.kink.item(i)
+        elif free:
+            kink = self.x.item(i)
+        else:
+            kink = graph.kink.item(code)
+        if free:
+            x = kink
+        else:
+            # a vertical side begins with the traction of the segment that the node comes from
+            old = self.codes.item(i)
+            on_segment = graph.slope.item(old) * (kink - graph.anchor.item(old))
+            x = weight * (graph.start.item(old) + on_segment)
+        self.codes[i] = code
+        self.free[i] = free
+        self.kink[i] = graph.kink.item(code)
+        self.low[i] = low
+        self.high[i] = high
+        self.x[i] = high if high - x < x - low else low
 
-    def head(self) -> None:
-        """The direction of the cell; speeds at rounding level are zero."""
-        way, fast = self.basis.way, np.abs(self.basis.way)
-        self.dx = np.where(fast > STILL * fast.max(), way, 0.0)
+    def _take_direction(self) -> None:
+        """Take the direction of the cell; speeds at rounding level are zero."""
+        direction = self.basis.direction
+        speed = np.abs(direction)
+        self.dx = np.where(speed > STILL * speed.max(), direction, 0.0)
 
     def turn(self) -> None:
-        """The other way along the line."""
-        self.basis.way *= -1.0
+        """Turn to the other way along the line."""
+        self.basis.direction *= -1.0
         self.dx = -self.dx
 
     @property
@@ -168,7 +194,7 @@ class Walk:
 
     @property
     def t(self) -> float:
-        return self.x.item(self.m) / self.size
+        return self.x.item(self.m) / self.t_unit
 
     @property
     def u(self) -> Array:
@@ -177,8 +203,10 @@ class Walk:
 
     @property
     def stable(self) -> bool:
-        """Strict local minimum: positive definite on the free nodes, nobody inside a down-jump, t
-        not at rest."""
+        """Whether the cell's solutions are strict local minima.
+
+        H is positive definite on the free nodes, no node is inside a down-jump, and t moves.
+        """
         return (
             self.dx[self.m] != 0.0
             and self.basis.negatives == 0
@@ -186,45 +214,52 @@ class Walk:
         )
 
     def points(self, x: Array, codes: Codes) -> tuple[Array, Array, Array, Array]:
-        """t (), u (m,), ξ/c (m,) and l̃ − Ãu − ξ (m,) from coordinates and pieces, or as many rows
-        of each.
+        """Return t (), u (m,), ξ/c (m,) and l̃ − Ãu − ξ (m,) of coordinates and pieces.
 
-        What a piece does not have is 0 in its row, so that sums take the place of choices, which
-        are slow.
+        Many rows of coordinates and pieces give as many rows of each. What a piece does not have is
+        0 in its row, so that sums take the place of choices, which are slow.
         """
-        p, g, t = self.problem, self.graph, x[..., -1] / self.size
-        moves = g.free[codes].astype(float)
-        u = moves * x[..., :-1] + g.kink[codes]
-        on_segment = g.start[codes] + g.slope[codes] * (u - g.anchor[codes])
+        problem = self.problem
+        graph = self.graph
+        t = x[..., -1] / self.t_unit
+        moves = graph.free[codes].astype(float)
+        u = moves * x[..., :-1] + graph.kink[codes]
+        on_segment = graph.start[codes] + graph.slope[codes] * (u - graph.anchor[codes])
         traction = on_segment + (1.0 - moves) * (x[..., :-1] / self.weight)
-        return t, u, traction, p.l_0 + t[..., None] * p.l_1 - u @ p.A_tilde - p.c * traction
+        load = problem.l_0 + t[..., None] * problem.l_1
+        defect = load - u @ problem.A_tilde - problem.c * traction
+        return t, u, traction, defect
 
     @property
     def defect(self) -> Array:
-        """l̃ − Ãu − ξ at the present point (m,)."""
+        """(m,) l̃ − Ãu − ξ at the present point."""
         return self.points(self.x, self.codes)[3]
 
     @property
     def scale(self) -> Array:
         """(m,) slip and traction at the nodes, in the units of their coordinates."""
-        return np.asarray((np.abs(self.u) + self.slip) * np.where(self.free, 1.0, self.diagonal))
+        slip = np.abs(self.u) + self.slip_scale
+        return np.asarray(slip * np.where(self.free, 1.0, self.diagonal))
 
     def gaps(self) -> Array:
-        """(m,) distance of every node from its nearer bound, relative to slip and traction
-        there."""
-        return np.asarray(np.minimum(self.high - self.x, self.x - self.low)[:-1] / self.scale)
+        """Return (m,) the distance of every node from its nearer bound, relative to `scale`."""
+        distance = np.minimum(self.high - self.x, self.x - self.low)
+        return np.asarray(distance[:-1] / self.scale)
 
     def at_bound(self) -> Index:
-        """Nodes that stand exactly on a bound."""
-        return np.flatnonzero(((self.x == self.low) | (self.x == self.high))[:-1])
+        """Return the nodes that stand exactly on a bound."""
+        on_bound = (self.x == self.low) | (self.x == self.high)
+        return np.flatnonzero(on_bound[:-1])
 
     def snap(self, nodes: Index) -> None:
-        """Onto the nearer one of their bounds."""
-        x, low, high = self.x[nodes], self.low[nodes], self.high[nodes]
+        """Put nodes onto the nearer one of their bounds."""
+        x = self.x[nodes]
+        low = self.low[nodes]
+        high = self.high[nodes]
         self.x[nodes] = np.where(high - x < x - low, high, low)
 
     def reach(self) -> tuple[float, int]:
-        """(step to the first bound, inf if none; the coordinate that has it)."""
+        """Return the step to the first bound and the coordinate that has it; inf if none is there."""
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.maximum((self.high - self.x) / self.dx, (self.low - self.x) / self.dx)
         first = int(steps.argmin())
@@ -234,85 +269,106 @@ class Walk:
         return max(0.0, steps.item(first)), first
 
     def arrive(self, step: float, first: int) -> Index:
-        """Advance by `step`; nodes that have reached a bound (or rested on one) are put on it and
-        returned.
+        """Advance by `step`; put the nodes that have reached a bound (or rested on one) on it.
 
         first: the coordinate that comes to its bound first
+        Returns these nodes.
         """
         self.x += step * self.dx
         self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
-        at = np.array([first], dtype=np.intp)
+        arrived = np.array([first], dtype=np.intp)
         if first == self.m:
-            return at[:0]
+            return arrived[:0]
         gaps = self.gaps()
-        if np.count_nonzero(gaps <= DRIFTED * self.tie) < 2:
-            return at
+        if np.count_nonzero(gaps <= TIE_CHECK * self.tie) < 2:
+            return arrived
         with suppress(SingularCellError):  # are they there, or has the point drifted?
-            self.correct(at)
+            self.correct(arrived)
             gaps = self.gaps()
         # a node at rest has come no nearer to its bound: to put it there would unbalance the point
         rests = self.dx[:-1] == 0.0
-        near = gaps <= np.where(rests, min(self.tie, TIE), self.tie)
+        near = gaps <= np.where(rests, min(self.tie, MIN_TIE), self.tie)
         near[first] = True
-        upper = (self.high - self.x < self.x - self.low)[:-1]
-        near &= ~np.where(
-            upper, self.dx[:-1] < 0.0, self.dx[:-1] > 0.0
-        )  # from a bound it has only just left
-        self.snap(at := np.flatnonzero(near))
-        return at
+        is_nearer_high = (self.high - self.x < self.x - self.low)[:-1]
+        has_just_left = np.where(is_nearer_high, self.dx[:-1] < 0.0, self.dx[:-1] > 0.0)
+        arrived = np.flatnonzero(near & ~has_just_left)
+        self.snap(arrived)
+        return arrived
 
-    def correct(self, at: Index) -> None:
-        """One correction of the present point, held where the fastest of the coordinates `at` is,
-        or the fastest of all where that is slow; t is held where `at` is t alone."""
-        moved, speed = self.basis.moved(self.defect / self.problem.body.stiffness), np.abs(self.dx)
-        lead = int(speed.argmax())
-        own = int(at[speed[at].argmax()]) if len(at) else lead
-        held = own if speed[own] > CRAWLS * speed[lead] or own == self.m else lead
-        moved -= self.basis.way * (moved[held] / self.basis.way[held])
-        moved[held] = 0.0
-        self.x += moved
+    def correct(self, nodes: Index) -> None:
+        """Correct the present point once, and hold it where the fastest of `nodes` is.
+
+        It is held where the fastest of all coordinates is if that node is slow. Only t (node m) is
+        held however slow it is.
+        """
+        change = self.basis.correction(self.defect / self.problem.body.stiffness)
+        speed = np.abs(self.dx)
+        fastest = int(speed.argmax())
+        held = fastest
+        if len(nodes):
+            candidate = int(nodes[speed[nodes].argmax()])
+            is_fast = speed[candidate] > MIN_HOLDING_SPEED * speed[fastest]
+            if is_fast or candidate == self.m:
+                held = candidate
+        direction = self.basis.direction
+        change -= direction * (change[held] / direction[held])
+        change[held] = 0.0
+        self.x += change
 
     def balance(self) -> None:
-        """The same, held where nodes are on bounds: one that only bends there may move off it by
-        rounding, one at a jump stays on it."""
-        g, nodes, x = self.graph, self.at_bound(), self.x.copy()
+        """Correct the present point once, and keep nodes on the jumps whose bounds they stand on.
+
+        A node on a bound where its graph only bends may move off it by rounding.
+        """
+        graph = self.graph
+        nodes = self.at_bound()
+        x = self.x.copy()
         self.correct(nodes)
         codes = self.codes[nodes]
-        behind = np.where(x[nodes] == self.low[nodes], g.after_low[codes], g.after_high[codes])
-        stays = nodes[~(self.free[nodes] & g.free[behind])]
+        is_low = x[nodes] == self.low[nodes]
+        next_codes = np.where(is_low, graph.after_low[codes], graph.after_high[codes])
+        stays = nodes[~(self.free[nodes] & graph.free[next_codes])]
         self.x[stays] = x[stays]
 
 
-ALONE, MOST_TURNS = 3, 12
-"""How often the node that wishes otherwise most is moved to the other side of its kink, and until
-when all are."""
+SINGLE_MOVES = 3
+"""How often only the node that disagrees most is moved to the other side of its kink."""
+
+LAST_JOINT_MOVE = 12
+"""Until this move all nodes that disagree are moved at once; after it, one at a time again."""
 
 
 class Corner:
-    """Where nodes (n,) of a walk stand exactly on bounds, all that do unless they are named.
+    """Nodes (n,) of a walk that stand exactly on bounds: all that do unless they are named.
 
-    codes: (2, n) of the near and the far piece;  out: (2, n) sign of the speed that leads into each
+    codes: (2, n) of the near and the far piece
+    out:   (2, n) sign of the speed that leads into each
     """
 
     def __init__(self, walk: Walk, nodes: Index | None = None) -> None:
-        self.walk, self.nodes = walk, walk.at_bound() if nodes is None else nodes
-        g, near = walk.graph, walk.codes[self.nodes]
-        upper = walk.x[self.nodes] == walk.high[self.nodes]
-        far = np.where(upper, g.after_high[near], g.after_low[near])
-        ahead = np.where(upper, 1.0, -1.0)
+        self.walk = walk
+        self.nodes = walk.at_bound() if nodes is None else nodes
+        graph = walk.graph
+        near = walk.codes[self.nodes]
+        is_high = walk.x[self.nodes] == walk.high[self.nodes]
+        far = np.where(is_high, graph.after_high[near], graph.after_low[near])
+        ahead = np.where(is_high, 1.0, -1.0)
         self.codes = np.stack([near, far])
-        self.out = np.stack([-ahead, ahead * g.sense[near] * g.sense[far]])
+        self.out = np.stack([-ahead, ahead * graph.sense[near] * graph.sense[far]])
 
-    def enter(self, far: Flags) -> Array:
-        """To the cell with these nodes on the far side; (n,) speeds at which they leave their kinks
-        into it."""
-        self.walk.place(self.nodes, np.where(far, self.codes[1], self.codes[0]))
-        return np.asarray(np.where(far, self.out[1], self.out[0]) * self.walk.dx[self.nodes])
+    def enter(self, is_far: Flags) -> Array:
+        """Go to the cell with these nodes on the far side.
 
-    def leaves(self, far: Flags) -> bool:
-        """Whether the line of that cell leads away from the corner; then that way."""
+        Returns (n,) the speeds at which they leave their kinks into it.
+        """
+        self.walk.place(self.nodes, np.where(is_far, self.codes[1], self.codes[0]))
+        out = np.where(is_far, self.out[1], self.out[0])
+        return np.asarray(out * self.walk.dx[self.nodes])
+
+    def leaves(self, is_far: Flags) -> bool:
+        """Return whether the line of that cell leads away from the corner; if so, face that way."""
         try:
-            speeds = self.enter(far)
+            speeds = self.enter(is_far)
         except SingularCellError:
             return False
         if np.all(speeds <= 0.0):
@@ -320,72 +376,83 @@ class Corner:
             speeds = -speeds
         return bool(np.all(speeds >= 0.0) and np.any(speeds > 0.0))
 
-    def around(self, dx: Array, resting: bool = False) -> None:
-        """Rule 2 of the module: follow the perturbed path around the corner until it leaves along a
-        ray.
+    def go_around(self, dx: Array, from_cone: bool = False) -> None:
+        """Follow the perturbed path around the corner until it leaves along a ray (rule 2).
 
-        dx:      along which the path comes in, all nodes on the near side
-        resting: begin at a point in the cone instead of far out on that ray; followed in both directions from there
-                 the perturbed path gives two ways out
+        dx:        direction in which the path comes in, all nodes on the near side
+        from_cone: begin at a point in the cone instead of far out on that ray; the perturbed path
+                   followed from there in both directions gives two ways out
         """
-        walk, n, far = self.walk, len(self.nodes), np.zeros(len(self.nodes), dtype=bool)
-        self.enter(far)
+        walk = self.walk
+        n = len(self.nodes)
+        is_far = np.zeros(n, dtype=bool)
+        self.enter(is_far)
         if dx @ walk.dx < 0.0:
             walk.turn()
         speeds = -self.out[0] * walk.dx[self.nodes]
-        typical = float(np.max(np.abs(speeds), initial=0.0)) or 1.0
-        times = 1.0 + np.arange(n) + 0.5 * np.modf(0.6180339887498949 * (1 + np.arange(n)))[0]
-        offset = -times * (typical if resting else np.where(speeds > 0.0, speeds, typical))
+        typical_speed = float(np.max(np.abs(speeds), initial=0.0)) or 1.0
+        golden_shares = np.modf(0.6180339887498949 * (1 + np.arange(n)))[0]
+        arrival_times = 1.0 + np.arange(n) + 0.5 * golden_shares
+        if from_cone:
+            distance = -arrival_times * typical_speed
+        else:
+            distance = -arrival_times * np.where(speeds > 0.0, speeds, typical_speed)
         for _ in range(1000 + 100 * n):
-            speeds = np.where(far, self.out[1], -self.out[0]) * walk.dx[self.nodes]
-            hits = np.where(far, speeds < 0.0, speeds > 0.0)
-            if not np.any(hits):
+            speeds = np.where(is_far, self.out[1], -self.out[0]) * walk.dx[self.nodes]
+            approaches = np.where(is_far, speeds < 0.0, speeds > 0.0)
+            if not np.any(approaches):
                 return
             with np.errstate(divide="ignore", invalid="ignore"):
-                wait = np.where(hits, np.abs(offset / speeds), np.inf)
+                wait = np.where(approaches, np.abs(distance / speeds), np.inf)
             i = int(np.argmin(wait))
-            offset = offset + wait[i] * speeds
-            offset[i], far[i] = 0.0, not far[i]
-            walk.go_over(int(self.nodes[i]), int(self.codes[int(far[i]), i]))
+            distance = distance + wait[i] * speeds
+            distance[i] = 0.0
+            is_far[i] = not is_far[i]
+            walk.go_over(int(self.nodes[i]), int(self.codes[int(is_far[i]), i]))
         raise SingularCellError
 
 
-def cross(walk: Walk, at: Index) -> None:
-    """Continue beyond the vertex where the nodes `at` stand on their bounds; raises
-    SingularCellError."""
-    if len(at) == 1:
-        i, code = int(at[0]), walk.codes[at[0]]
-        after = walk.graph.after_high if walk.x[i] == walk.high[i] else walk.graph.after_low
-        return walk.go_over(i, after.item(code))
-    corner, before = Corner(walk, at), walk.dx
-    movers = corner.out[0] * before[at] < 0.0
+def cross(walk: Walk, nodes: Index) -> None:
+    """Continue beyond the vertex where these nodes stand on their bounds.
+
+    Raises SingularCellError if no direction exists there.
+    """
+    if len(nodes) == 1:
+        i = int(nodes[0])
+        is_high = walk.x[i] == walk.high[i]
+        next_codes = walk.graph.after_high if is_high else walk.graph.after_low
+        walk.go_over(i, next_codes.item(walk.codes[i]))
+        return
+    corner = Corner(walk, nodes)
+    dx_before = walk.dx
+    movers = corner.out[0] * dx_before[nodes] < 0.0
     if not (np.any(movers) and corner.leaves(movers)):
-        corner.around(before)
-    return None
+        corner.go_around(dx_before)
 
 
 def rays(walk: Walk) -> tuple[Ray, Ray]:
-    """(forward, backward) ways out of the start; forward is the one along which t grows, if only
-    one does.
+    """Return the forward and the backward way out of the start.
 
-    Where nodes stand on their bounds those ways are preferred on which they all keep together, as a
-    symmetric solution wants it. Raises SingularCellError if there is none.
+    Along the forward one t grows, if it grows along only one. Where nodes stand on their bounds,
+    ways on which they all keep together come first, as a symmetric solution wants it. Raises
+    SingularCellError if there is no way out.
     """
     corner = Corner(walk)
-    near = np.zeros(len(corner.nodes), dtype=bool)
-    found = [walk.here for far in (near, ~near) if corner.leaves(far)]
-    if len(found) < 2:
-        corner.enter(near)
-        ahead, found = walk.dx, []
+    all_near = np.zeros(len(corner.nodes), dtype=bool)
+    exits = [walk.here for is_far in (all_near, ~all_near) if corner.leaves(is_far)]
+    if len(exits) < 2:
+        corner.enter(all_near)
+        ahead = walk.dx
+        exits = []
         for dx in (ahead, -ahead):
-            corner.around(dx, resting=True)
-            found.append(walk.here)
-    one, other = found
-    return (one, other) if one.dx[-1] >= other.dx[-1] else (other, one)
+            corner.go_around(dx, from_cone=True)
+            exits.append(walk.here)
+    first, second = exits
+    return (first, second) if first.dx[-1] >= second.dx[-1] else (second, first)
 
 
 def outward(walk: Walk) -> Ray:
-    """The way on which most nodes that stand on bounds of their pieces leave them into these."""
+    """Return the way on which most nodes at bounds of their pieces leave them into these."""
     corner = Corner(walk)
     if np.sum(corner.out[0] * walk.dx[corner.nodes]) < 0.0:
         walk.turn()
@@ -393,39 +460,53 @@ def outward(walk: Walk) -> Ray:
 
 
 def onward(walk: Walk) -> Ray | None:
-    """The stable way on which t grows, from the walk's pieces and those beside them; None if none
-    is found.
+    """Return the stable way on which t grows, on the walk's pieces or those beside them, or None.
 
     Every node that stands on a bound goes on on its piece or on the next one, whichever it then
-    moves along. Where some wish otherwise than guessed the one that does most is moved first
-    (mostly it alone has turned back, and to move all would upset a whole zone), then all at once
-    (the semismooth Newton method for this linear complementarity problem). With a definite matrix
-    on all sides there is one answer. Where nodes push each other on (cells longer than the strip is
-    high) all at once may go round in a circle: the energy of the rates is descended then.
+    moves along. Where some disagree with the guess, the one that does most is moved first (mostly
+    it alone has turned back, and to move all would upset a whole zone), then all at once (the
+    semismooth Newton method for this linear complementarity problem). If the matrix is definite on
+    all sides there is one answer. Where nodes push each other on (cells longer than the strip is
+    high) all at once may go round in a circle: then the last one is moved, which descends.
     """
     corner = Corner(walk)
-    far = np.zeros(len(corner.nodes), dtype=bool)
+    is_far = np.zeros(len(corner.nodes), dtype=bool)
     with suppress(SingularCellError):
-        for turn in range(MOST_TURNS + 4 * len(far)):
-            against = -corner.enter(far)
+        for move in range(LAST_JOINT_MOVE + 4 * len(is_far)):
+            speed_back = -corner.enter(is_far)
             if walk.dx[-1] < 0.0:
                 walk.turn()
-                against = -against
-            wrong = np.flatnonzero(against > 0.0)
-            if walk.dx[-1] == 0.0 or not len(wrong):
+                speed_back = -speed_back
+            disagree = np.flatnonzero(speed_back > 0.0)
+            if walk.dx[-1] == 0.0 or not len(disagree):
                 return walk.here if walk.stable else None
-            alone = np.argmax(against) if turn < ALONE else wrong[-1]
-            far[wrong if ALONE <= turn < MOST_TURNS else alone] ^= True
+            if move < SINGLE_MOVES:
+                is_far[np.argmax(speed_back)] ^= True
+            elif move < LAST_JOINT_MOVE:
+                is_far[disagree] ^= True
+            else:
+                is_far[disagree[-1]] ^= True
     return None
 
 
-REMEMBERED = 1e-10
-"""Where a node is said to go on from where two pieces meet it stands there, as exactly as a
-solution is accepted."""
+REMEMBERED_TIE = 1e-10
+"""Nodes this close to where two pieces meet stand there if the sense in which they go on is given.
 
-NEAR = 1e-8
-"""A given solution may miss the exact one by this much, relative to slip and traction, or by what
-rounding of its residual allows if that is more; it is corrected."""
+As exactly as a solution is accepted; relative as MIN_TIE.
+"""
+
+MAX_MISS = 1e-8
+"""A given solution may miss the exact one by this much, and is corrected.
+
+Relative to slip and traction there. It may miss it by what rounding of its residual allows, if that
+is more.
+"""
+
+MAX_SHIFT = 1e3 * MAX_MISS
+"""The correction may move a node by this much, relative to its slip."""
+
+MAX_RELOCATIONS = 20
+"""How often nodes that a correction moves beyond their pieces are put on the next ones."""
 
 
 class NoSolutionError(ValueError):
@@ -436,39 +517,43 @@ def locate(
     problem: ParametricProblem,
     v: Array,
     t: float,
-    ways: Array | None = None,
+    senses: Array | None = None,
     basis: BasisInverse | None = None,
 ) -> Walk:
-    """A walk at the solution v of parameter t, corrected to rounding.
+    """Return a walk at the solution v of parameter t, corrected to rounding.
 
-    ways:  (m,) sense in which nodes that stand where two pieces meet are to go along their graphs, 0 for no wish
-    basis: of another walk on the same body, which this one takes over
-    Raises NoSolutionError if no solution lies within NEAR of v, or as near as rounding lets v be one, and
-    SingularCellError where it is in a cell without a line.
+    senses: (m,) sense in which nodes that stand where two pieces meet go on along their graphs, 0
+            where it is free
+    basis:  taken over from another walk on the same body
+    Raises NoSolutionError if no solution lies within MAX_MISS of v, or as near as rounding lets v
+    be one, and SingularCellError where it is in a cell without a line.
     """
-    graph, m, at_t = problem.graph, problem.m, problem.at(t)
-    codes, force = _codes(problem, v, t, ways), at_t.xi(v) / problem.body.stiffness
-    for _ in range(20):
+    graph = problem.graph
+    m = problem.m
+    at_t = problem.at(t)
+    codes = _first_codes(problem, v, t, senses)
+    force = at_t.xi(v) / problem.body.stiffness
+    for _ in range(MAX_RELOCATIONS):
         walk = Walk(problem, codes, np.where(graph.free[codes], v, force), t, basis)
-        basis, tie = walk.basis, walk.tie if ways is None else max(walk.tie, REMEMBERED)
-        for _ in range(
-            3 if walk.dx[m] != 0.0 else 0
-        ):  # where t is at rest no correction at fixed t exists
-            walk.correct(np.array([m]))
-        outside = walk.gaps() < -tie
-        if not np.any(outside):
+        basis = walk.basis
+        tie = walk.tie if senses is None else max(walk.tie, REMEMBERED_TIE)
+        if walk.dx[m] != 0.0:  # where t is at rest no correction at fixed t exists
+            for _ in range(3):
+                walk.correct(np.array([m]))
+        is_outside = walk.gaps() < -tie
+        if not np.any(is_outside):
             break
-        after = np.where(
-            walk.x[:m] > walk.high[:m], graph.after_high[codes], graph.after_low[codes]
-        )
-        codes = np.where(outside, after, codes)
-    u, residual, rounding = walk.u, at_t.inclusion_residual(v), problem.xi_rounding(t, v)
-    moved = np.max(np.abs(u - v) / (np.abs(u) + walk.slip), initial=0.0)
-    missed = np.max(np.abs(walk.defect) / problem.c) / problem.traction_scale
-    near = (moved <= 1e3 * NEAR or residual <= rounding) and missed <= max(
-        NEAR, Acceptance().limit(rounding)
-    )
-    if not near or np.any(outside):
+        is_above = walk.x[:m] > walk.high[:m]
+        next_codes = np.where(is_above, graph.after_high[codes], graph.after_low[codes])
+        codes = np.where(is_outside, next_codes, codes)
+    u = walk.u
+    residual = at_t.inclusion_residual(v)
+    rounding = problem.xi_rounding(t, v)
+    shift = np.max(np.abs(u - v) / (np.abs(u) + walk.slip_scale), initial=0.0)
+    miss = np.max(np.abs(walk.defect) / problem.c) / problem.traction_scale
+    is_near = shift <= MAX_SHIFT or residual <= rounding
+    is_balanced = miss <= max(MAX_MISS, Acceptance().limit(rounding))
+    if not (is_near and is_balanced) or np.any(is_outside):
         raise NoSolutionError(
             f"the start is no solution at t = {t:g}: inclusion residual {residual:.1e}; "
             "solve the problem at this t first and start from its answer"
@@ -477,33 +562,34 @@ def locate(
     return walk
 
 
-def _codes(problem: ParametricProblem, v: Array, t: float, ways: Array | None) -> Codes:
-    """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the
-    segment of v_i.
+def _first_codes(problem: ParametricProblem, v: Array, t: float, senses: Array | None) -> Codes:
+    """Return a first guess of the pieces.
 
-    Where two pieces meet, the one in the sense of `ways`, without it that of v_i beside the kink.
+    A node is on a jump if v_i is near one and ξ_i/c_i in it, else on the segment of v_i. Where two
+    pieces meet it is on the one in the sense of `senses`, else on that of v_i beside the kink.
     """
-    law, graph = problem.law, problem.graph
+    law = problem.law
+    graph = problem.graph
     row = law.node_index(len(v))  # the graph has 2K + 1 codes where the law has K + 1 pieces
     codes = (2 * law.piece(v) - row).astype(np.int32)
     if not law.kinks.size:
         return codes
-    near = law.nearest_kink(v)
-    kink, (left, right) = law.kink(near), law.limits(near)
-    slip, margin = (
-        problem.traction_scale * problem.c / np.diagonal(problem.A_tilde),
-        NEAR * problem.traction_scale,
-    )
-    on = np.isfinite(kink) & (np.abs(v - kink) <= NEAR * (np.abs(v) + slip))
-    side = np.where(on, 2 * near + 1 - row, codes).astype(np.int32)
-    jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
-    height = np.abs(right - left)
-    along = np.sign(right - left) * (problem.at(t).xi(v) / problem.c - left)  # from 0 to the height
-    way = np.sign(v - kink) if ways is None else np.where(ways < 0.0, -1.0, 1.0)
-    to_left = np.where(jumps, (along < -margin) | ((along <= margin) & (way < 0.0)), way < 0.0)
-    to_right = np.where(
-        jumps, (along > height + margin) | ((along >= height - margin) & (way > 0.0)), way >= 0.0
-    )
-    return np.where(
-        on, np.where(to_left, side - 1, np.where(to_right, side + 1, side)), codes
-    ).astype(np.int32)
+    nearest = law.nearest_kink(v)
+    kink = law.kink(nearest)
+    b_left, b_right = law.limits(nearest)
+    slip_scale = problem.traction_scale * problem.c / np.diagonal(problem.A_tilde)
+    is_on_kink = np.isfinite(kink) & (np.abs(v - kink) <= MAX_MISS * (np.abs(v) + slip_scale))
+    side = np.where(is_on_kink, 2 * nearest + 1 - row, codes).astype(np.int32)
+    is_jump = graph.after_high[side - 1] == side  # a side that only bends is passed over
+
+    margin = MAX_MISS * problem.traction_scale
+    height = np.abs(b_right - b_left)
+    # from 0 at the left to the height at the right
+    climbed = np.sign(b_right - b_left) * (problem.at(t).xi(v) / problem.c - b_left)
+    sense = np.sign(v - kink) if senses is None else np.where(senses < 0.0, -1.0, 1.0)
+    is_below = (climbed < -margin) | ((climbed <= margin) & (sense < 0.0))
+    is_above = (climbed > height + margin) | ((climbed >= height - margin) & (sense > 0.0))
+    to_left = np.where(is_jump, is_below, sense < 0.0)
+    to_right = np.where(is_jump, is_above, sense >= 0.0)
+    kink_codes = np.where(to_left, side - 1, np.where(to_right, side + 1, side))
+    return np.where(is_on_kink, kink_codes, codes).astype(np.int32)

@@ -21,7 +21,7 @@ def test_lost_accuracy_is_noticed_and_repaired(monkeypatch: pytest.MonkeyPatch) 
     exact = follow(problem, np.zeros(60), 0.0, 0.0, 3.0)
     assert exact.pieces > 2 * 60
     assert len(exact.folds) > 20
-    room, rng = BasisInverse._room, np.random.default_rng(0)
+    room, rng = BasisInverse._next_change, np.random.default_rng(0)
 
     def spoilt(self: BasisInverse) -> int:
         full, at = self.size == CAPACITY, room(self)
@@ -29,7 +29,7 @@ def test_lost_accuracy_is_noticed_and_repaired(monkeypatch: pytest.MonkeyPatch) 
             self.T *= 1.0 + 1e-6 * rng.normal(size=self.T.shape)
         return at
 
-    monkeypatch.setattr(BasisInverse, "_room", spoilt)
+    monkeypatch.setattr(BasisInverse, "_next_change", spoilt)
     path = follow(problem, np.zeros(60), 0.0, 0.0, 3.0)
     assert path.end == PathStatus.RANGE_END
     assert path.residual.max() <= 1e-11
@@ -215,13 +215,14 @@ def test_lines_corrections_and_inertia_after_random_changes() -> None:
             basis.settle()
         if step % 5:
             continue
-        M, way = np.where(free, A + np.diag(k), np.eye(m)), basis.way
+        M = np.where(free, A + np.diag(k), np.eye(m))
+        direction = basis.direction
         exact = np.linalg.solve(M, load)
-        assert way / way[m] == pytest.approx(
+        assert direction / direction[m] == pytest.approx(
             np.append(exact, 1.0), rel=1e-9, abs=1e-11 * np.max(np.abs(exact))
         )
         defect = rng.normal(size=m)
-        moved = basis.moved(defect)
+        moved = basis.correction(defect)
         assert moved[basis.driver] == 0.0
         assert M @ moved[:m] - moved[m] * load == pytest.approx(defect, abs=1e-10)
         assert basis.negatives == np.count_nonzero(
@@ -234,12 +235,12 @@ def test_a_singular_cell_has_a_line_with_t_at_rest_or_none() -> None:
     pulls, or not."""
     A = np.array([[2.0, -1.0], [-1.0, 2.0]])
     free, k, pull = np.array([True, True]), np.array([-1.0, -1.0]), np.array([1.0, 1.0])
-    assert BasisInverse(A, pull, free, k).way == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
+    assert BasisInverse(A, pull, free, k).direction == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
     with pytest.raises(SingularCellError):
         BasisInverse(A, np.array([1.0, -1.0]), free, k)
     passing = BasisInverse(A, pull, free, np.zeros(2))
     passing.place(0, True, -1.0)
     passing.place(1, True, -1.0)
-    assert passing.way / passing.way[0] == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
+    assert passing.direction / passing.direction[0] == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
     passing.place(1, False, 0.0)
     assert passing.negatives == 0
