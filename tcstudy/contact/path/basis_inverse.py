@@ -170,6 +170,7 @@ class BasisInverse:
         self.unit[i] = self.root[i] if free else 1.0 / self.root[i]
         t_speed = self.direction.item(self.m)
         t_rests = abs(t_speed) <= STILL * self.fastest
+        column: Array | None
         R = _coordinate_change(was_free, k_before, free, k)
         if i == self.driver:
             column = self._exchange_driver(i, R)

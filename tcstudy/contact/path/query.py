@@ -1,4 +1,4 @@
-"""Questions to a path: solutions at one t, folds, the least energy; all branches of a range, proved.
+"""Questions to a path: solutions at one t, folds, least energy; all branches of a range, proved.
 
 Folds: a turn of t and its neighbour to which it steps back the least make one small step back. Such
 pairs are taken away, smallest first, as long as they step back too little (persistence,
@@ -49,7 +49,7 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 MAX_CARRIED_RESIDUAL = 1e-9
-"""A solution of the straight pieces has led to one of the law itself if its residual is no larger."""
+"""Largest residual with which a solution of the straight pieces has led to one of the law itself."""
 
 
 def folds(path: Path, least: float) -> Index:
@@ -110,7 +110,9 @@ def solutions_at(path: Path, t: float) -> list[PathSolution]:
 
 def _ranges(path: Path) -> tuple[Array, Array]:
     """Return (k,) the smallest and the largest t of every piece."""
-    return np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
+    begin = path.t[:-1]
+    end = path.t[1:]
+    return np.minimum(begin, end), np.maximum(begin, end)
 
 
 def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
@@ -192,11 +194,11 @@ MIN_ADVANCE = 1e-9
 """Parabolas that cross within this share behind the last crossing do not cross again."""
 
 TOUCH = 1e-13
-"""A parabola that falls below another by less than this, relative to their terms, only touches it."""
+"""A parabola that falls below another by less than this part of their terms only touches it."""
 
 
 def _envelope(e: Array, f: Array, g: Array) -> list[tuple[float, float, int]]:
-    """Return (begin, end, index) of the parts of the lower envelope of e + f s + g s², 0 ≤ s ≤ 1."""
+    """Return (begin, end, index) of the parts of the lower envelope of e + f s + g s² in [0, 1]."""
     noise = TOUCH * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
     begin = 0.0
     lowest_index = int(np.argmin(e - np.min(e) + f * 1e-6 + g * 1e-12))  # just behind s = 0
