@@ -26,10 +26,10 @@ radius of Ã⁻¹w is then below 1 (Collatz, Wielandt). One or two of 100 rows a
 
 D bounds how far j bends below its tangent at a solution, on a box that holds all solutions:
 
-D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i)
+D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²
 
-so that j(s) ≥ j(v_i) + ζ_i (s − v_i) − ½ D_i (s − v_i)² there. Summed over the nodes:
-L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) for every w in the box.
+with ζ_i ∈ b̂(v_i), so that j(s) ≥ j(v_i) + ζ_i (s − v_i) − ½ D_i (s − v_i)² there. The sum over
+the nodes gives L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) for every w in the box.
 
 On a linear piece the quotient is a parabola in 1/(s − v_i), and its largest value has a closed
 form. An exponential piece is cut into parts. On each part b is bounded from below by a line through

@@ -233,10 +233,10 @@ def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised)
             energy += float(np.sum(c[nodes] * factor * slopes.potential(s)))
             omega_slope = largest_factor * slopes.omega()
         softening.append((largest_factor * law.omega if law.omega else 0.0, omega_slope))
-    if np.any(kinks[at.rest]):
+    if np.any(kinks[at.stuck]):
         law = at.problem.law
         inner = np.where(at.v > 0.0, *law.limits(law.nearest_kink(at.v)))
-        energy += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.rest].sum())
+        energy += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.stuck].sum())
     largest = max(omega for omega, _ in softening)
     if not np.isfinite(largest) or abs(largest - level.law(scene).omega) > 1e-9 * largest:
         return FrictionSlopes(b, kinks, energy, float("nan"))

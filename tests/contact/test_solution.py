@@ -136,7 +136,7 @@ def test_a_resting_node_moves_with_its_kink() -> None:
     problem = ContactProblem(A_tilde, np.array([2.6, 0.0]), np.ones(2), law)
     v = solve_contact(problem).v
     at = Linearised.at(problem, v)
-    assert at.rest.tolist() == [0]
+    assert at.stuck.tolist() == [0]
     dv = at.step(np.zeros(2), np.array([1.0, 0.0]))
     assert dv == pytest.approx([1.0, 1.0 / 2.2])
 
