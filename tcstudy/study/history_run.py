@@ -59,7 +59,7 @@ from tcstudy.study.append import DECIDE_NOTHING, differences, stored_study
 from tcstudy.study.level_solver import STATUS
 from tcstudy.study.lint import warnings
 from tcstudy.study.run import Summary, level_of, level_record
-from tcstudy.study.workers import WorkerPool, of_history, submit
+from tcstudy.study.workers import WorkerPool, history_resources, submit
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
@@ -184,8 +184,8 @@ def _steps(
     A worker gets the first scene as well, which makes the level. built: seconds that that took
     """
     todo = [point for point, last in enumerate(ends) if _goes_on(study, last)]
-    each = of_history(study, level.frames.n_dof, level.line.m)
-    who = staff.whole([each] * len(todo), built)
+    each = history_resources(study, level.frames.n_dof, level.line.m)
+    who = staff.executor_of_calls([each] * len(todo), built)
     if who is None:
         for point in todo:
             yield from _follow(study, level, study.scenes[point], point, ends[point])

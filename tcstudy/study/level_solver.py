@@ -1,25 +1,25 @@
 """The solver of one level: blocks of points are condensed here, solved by an executor, and become
 records.
 
-A block depends on the study and on the size of the contact line alone, so that a run that was
-stopped, or that others help with, has the same blocks and in them the same numbers, to the bit.
-Points of a block share λ/μ; their loads are rows of one array and their laws rows of one table
-(tcstudy.contact). Points for which the study names several solvers or the bundle method are solved
-one by one, here, by any solver, by several, for comparison.
+A block depends on the study and on the size of the contact line alone. A run that was stopped, or
+that others help with, therefore has the same blocks, and in them the same numbers, to the bit. The
+points of a block share λ/μ; their loads are rows of one array and their laws rows of one table
+(tcstudy.contact). Points are solved one by one, in this process, where the study names several
+solvers for comparison, or the bundle method.
 
-The contact line has the normals of the exact curve: the mesh cuts arcs into chords; errors, and the
-exact solution as a start, belong to the curve.
+The contact line has the normals of the exact curve: the mesh cuts arcs into chords, but errors, and
+the exact solution as a start, belong to the curve.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -62,16 +62,20 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
+Places = NDArray[np.intp]
 Pending = Callable[[], BlockRecord]
-"""A block on its way: the call waits for what an executor owes of it."""
+"""A block on its way: the call waits for the executor and returns the record."""
 
 
 @dataclass
 class Times:
     """Wall times of a level [s]; the last two grow as its points are taken.
 
-    geometry: of the body, once a run;  mesh: of this mesh alone;  assemble: matrices and contact line
-    points:   all points, estimates left out;  estimate: of errors, and of what they say of the next mesh
+    geometry: of the body, once a run
+    mesh:     of this mesh alone
+    assemble: of matrices and contact line
+    points:   of all points, without estimates
+    estimate: of error estimates, and of the choice of the next mesh
     """
 
     geometry: float = 0.0
@@ -81,16 +85,16 @@ class Times:
     estimate: float = 0.0
 
     @contextmanager
-    def measure(self, what: str) -> Iterator[None]:
-        """What is done within it takes so much more."""
+    def measure(self, stage: str) -> Iterator[None]:
+        """Add the time of the statements within to that of a stage."""
         clock = time.perf_counter()
         yield
-        setattr(self, what, getattr(self, what) + time.perf_counter() - clock)
+        setattr(self, stage, getattr(self, stage) + time.perf_counter() - clock)
 
 
 @dataclass(frozen=True)
 class LevelSolver:
-    """What the blocks of a level are solved with."""
+    """The solver of the blocks of a level."""
 
     study: Study
     level: Level
@@ -100,228 +104,259 @@ class LevelSolver:
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
 
     @cached_property
-    def solutions(self) -> Solutions | None:
-        """Those found so far, where others begin from them."""
+    def solutions(self) -> NeighbourSolutions | None:
+        """Solutions found so far, where other points start from them."""
         if not keeps_solutions(self.study):
             return None
-        return Solutions(
-            self.study, self.level.line.m, np.concatenate([block.points for block in self.blocks])
-        )
+        order = np.concatenate([block.points for block in self.blocks])
+        return NeighbourSolutions(self.study, self.level.line.m, order)
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """All of the level, in the order in which they are solved."""
+        """All blocks of the level, in the order in which they are solved."""
         return blocks_of(self.study, self.level.line.m, self.level.mesh.n_points)
 
     @cached_property
     def exact(self) -> Array | None:
         """(m,) the exact solution at the contact nodes, a start where the study gives one."""
-        exact, level = self.study.exact, self.level
-        return None if exact is None else at_contact_nodes(exact_u_T(exact), level.mesh, level.line)
+        if self.study.exact is None:
+            return None
+        return at_contact_nodes(exact_u_T(self.study.exact), self.level.mesh, self.level.line)
 
-    def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
-        """Solve the points of the level of which an earlier run left nothing, block by block in
-        their order.
-
-        finished: what it left; its solutions start neighbours, and their errors are estimated
-        again, since the next
-                  mesh depends on them
-        A few blocks are prepared ahead, so that whoever solves them need not wait for loads; but
-        not one that needs the solutions of those before, or takes away the factor that these need
-        to end.
-        """
-        output, waiting = self.study.output, deque[tuple[Block, Pending]]()
-        done = np.zeros(len(self.study.scenes), dtype=bool)
-        more = (
+    @cached_property
+    def has_extras(self) -> bool:
+        """Whether solved points get estimates, bounds, fields or requested outputs."""
+        output = self.study.output
+        return bool(
             self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
         )
+
+    def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
+        """Solve the unfinished points of the level and yield their blocks in order.
+
+        finished: blocks of an earlier run. Their solutions start neighbours. Their errors are
+                  estimated again, since the next mesh depends on them.
+        A few blocks are prepared ahead, so that the executor need not wait for loads.
+        """
+        is_done = np.zeros(len(self.study.scenes), dtype=bool)
         for record in finished:
-            done[record.points] = True
+            is_done[record.points] = True
             if self.estimator is not None:
                 record = self._completed(record)
-            if self.solutions is not None:
-                self.solutions.take(record)
-
-        def ready(block: Block | None) -> Iterator[BlockRecord]:
-            """The records of blocks on their way that must end before this one is started."""
-            while waiting and (
-                block is None
-                or len(waiting) > self.executor.ahead
-                or (self.solutions is not None and block.wave != waiting[-1][0].wave)
-                or (more and block.ratio != waiting[-1][0].ratio)
-            ):
-                for record in self._records(*waiting.popleft()):
-                    if self.solutions is not None:
-                        self.solutions.take(record)
-                    yield record
-
+            self._remember(record)
+        waiting = deque[tuple[Block, Pending]]()
         for block in self.blocks:
-            yield from ready(block)
-            left = replace(block, points=block.points[~done[block.points]])
-            if len(left.points):
-                waiting.append((left, self._started(left)))
-        yield from ready(None)
+            while waiting and self._must_wait(block, waiting):
+                yield from self._finished(*waiting.popleft())
+            unsolved = replace(block, points=block.points[~is_done[block.points]])
+            if len(unsolved.points):
+                waiting.append((unsolved, self._started(unsolved)))
+        while waiting:
+            yield from self._finished(*waiting.popleft())
+
+    def _must_wait(self, block: Block, waiting: deque[tuple[Block, Pending]]) -> bool:
+        """Return whether blocks on their way must end before this block is started.
+
+        They must end if it starts from their solutions, or takes away the factor that they need.
+        """
+        last_block, _ = waiting[-1]
+        if len(waiting) > self.executor.ahead:
+            return True
+        if self.solutions is not None and block.wave != last_block.wave:
+            return True
+        return self.has_extras and block.ratio != last_block.ratio
+
+    def _finished(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
+        for record in self._records(block, pending):
+            self._remember(record)
+            yield record
+
+    def _remember(self, record: BlockRecord) -> None:
+        if self.solutions is not None:
+            self.solutions.store(record)
 
     def _records(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
-        """All points at once; where that breaks down, half of them at a time, to find the one that
-        does it. Every failure becomes a status with its reason: one point must not end a sweep."""
+        """Yield the record of a block; if it breaks down, halve it until a single point fails.
+
+        The failure of a point becomes a status with its reason: one point must not end a sweep.
+        """
         try:
             yield self._completed(pending())
             return
         except WorkersFailed:
             raise
-        except Exception as error:  # what it was stands in the data
+        except Exception as error:  # the data keep its words
             if len(block.points) == 1:
                 yield all_failed(self.study, self.level.mesh.level, block.points, *failed_by(error))
                 return
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
-        for half, one in [(half, self._started(half)) for half in halves]:
-            yield from self._records(half, one)
+        started = [self._started(half) for half in halves]
+        for half, pending_half in zip(halves, started, strict=True):
+            yield from self._records(half, pending_half)
 
     def _started(self, block: Block) -> Pending:
-        """The block on its way; what breaks down before it is handed over is told where its record
-        is due."""
+        """Return the block on its way; an early exception is raised where its record is due."""
         try:
-            near = None if self.solutions is None else self.solutions.beside(block.points)
+            starts = None if self.solutions is None else self.solutions.neighbours(block.points)
             if self.study.solver.in_blocks:
-                return self._submitted(block, near)
-            start = None if near is None or np.isnan(near).any() else near[0]
-            return lambda: solve_point(
-                self.study, self.level, int(block.points[0]), start, self.exact
-            )
+                return self._submitted(block, starts)
+            (place,) = block.points.tolist()
+            start = None
+            if starts is not None and not np.isnan(starts).any():
+                start = starts[0]
+            return lambda: solve_point(self.study, self.level, place, start, self.exact)
         except Exception as error:
             broken: Future[BlockRecord] = Future()
             broken.set_exception(error)
             return broken.result
 
-    def _submitted(self, block: Block, near: Array | None) -> Pending:
+    def _submitted(self, block: Block, starts: Array | None) -> Pending:
         """Condense a block and hand its contact problems to the executor.
-        near: (P, m) solutions that the points begin from, NaN in rows without; None if there are
-        none"""
-        plan, level = self.study.solver, self.level
-        scenes = [self.study.scenes[int(place)] for place in block.points]
-        condensed = level.block(scenes)
+
+        starts: (P, m) solutions that points start from, NaN in rows without; None if there are none
+        """
+        plan = self.study.solver
+        scenes = [self.study.scenes[place] for place in block.points.tolist()]
+        condensed = self.level.block(scenes)
         factor = condensed.mu / condensed.mu[0]
-        laws, loads = (
-            row_laws([level.law(scene) for scene in scenes], factor),
-            condensed.l_tilde / factor[:, None],
-        )
-        mu, (points, m) = float(condensed.mu[0]), loads.shape
-        if (
-            key := (Level.ratio(scenes[0]), mu)
-        ) not in self.bodies:  # made once for blocks that follow one another
-            self.bodies.clear()
-            self.bodies[key] = CondensedBody.of(
-                mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error
-            )
-        timeout, limits = max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0), None
+        loads = condensed.l_tilde / factor[:, None]
+        laws = row_laws([self.level.law(scene) for scene in scenes], factor)
+        points, m = loads.shape
+        timeout = max(TIMEOUT, MAX_FACTORISATIONS / SLOW_FLOPS * points * m**3 / 3.0)
+        limits = None
         if plan.every:
             limits = Limits(plan.max_boxes, plan.max_seconds)
-            timeout += points * (limits.seconds + SLOWEST)
-        job = Job(
-            timed,
-            f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}",
-            timeout,
-        )
+            timeout += points * (limits.seconds + MAX_SECONDS_OVER_LIMIT)
+        name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
         future = self.executor.submit(
-            job,
+            Job(timed, name, timeout),
             solve_block,
-            self.bodies[key],
+            self._body(scenes[0], condensed),
             loads,
             laws,
             plan.branch,
             plan.tolerance,
-            near,
+            starts,
             self.exact,
             limits,
         )
-        return lambda: block_record(
-            self.study, level, block.points, scenes, condensed, laws, *future.result()
-        )
+
+        def record() -> BlockRecord:
+            answers, seconds = future.result()
+            return block_record(
+                self.study, self.level, block.points, scenes, condensed, laws, answers, seconds
+            )
+
+        return record
+
+    def _body(self, scene: Scene, condensed: CondensedBlock) -> CondensedBody:
+        """Return the condensed body of a block, made once for blocks that follow one another."""
+        mu = float(condensed.mu[0])
+        key = (Level.ratio(scene), mu)
+        if key not in self.bodies:
+            self.bodies.clear()
+            self.bodies[key] = CondensedBody.of(
+                mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error
+            )
+        return self.bodies[key]
 
     @cached_property
     def _bounds(self) -> ErrorBounds:
-        """What bounds the errors."""
         return ErrorBounds(self.level)
 
     @cached_property
-    def _requested(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
-        """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
-        from tcstudy.offline.requested_outputs import (
-            RequestedOutputs,
-        )  # only for a study that asks for more
+    def _output_functions(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
+        """Functions of a scene and its u_T (m,) that return requested outputs by variable name."""
+        # imported only for a study that requests more
+        from tcstudy.offline.requested_outputs import RequestedOutputs
 
         output = self.study.output
-        found: list[Callable[[Scene, Array], dict[str, Any]]] = []
+        functions: list[Callable[[Scene, Array], dict[str, Any]]] = []
         if output.probes or output.quantities:
-            found.append(RequestedOutputs(self.level, output).of)
+            functions.append(RequestedOutputs(self.level, output).of)
         if output.sensitivity:
             from tcstudy.study.sensitivities import derivatives_of
 
-            found.append(lambda scene, v: derivatives_of(self.level, scene, v, output.sensitivity))
-        return found
+            functions.append(
+                lambda scene, v: derivatives_of(self.level, scene, v, output.sensitivity)
+            )
+        return functions
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
-        """With what the study asks for of solved points: estimates and bounds of errors, fields,
-        numbers on request."""
-        output = self.study.output
-        guarantee = self.study.mesh.guarantee
-        if record.u_T is None or not (
-            self.estimator is not None or guarantee or output.fields or output.asks
-        ):
+        """Return the record with the extras of its solved points: errors, fields, outputs."""
+        if record.u_T is None or not self.has_extras:
             return record
-        names = [v.name for v in requested_variables(self.study)] if output.asks else []
-        numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
-        fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
+        output = self.study.output
+        numbers = dict(record.numbers)
+        fields = dict(record.fields)
+        status = record.status.copy()
+        reasons = dict(record.reasons)
+        if output.asks:
+            for variable in requested_variables(self.study):
+                numbers[variable.name] = np.full(len(record), np.nan)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
-            scene, v, found = (
-                self.study.scenes[int(record.points[row])],
-                record.u_T[row],
-                dict[str, Any](),
-            )
-            with self.times.measure("estimate"):
-                if guarantee:
-                    found = self._bounds.look(scene, v)
-                if self.estimator is not None:
-                    found |= self.estimator.look(
-                        record.index(row), scene, v, found.get("error_bound_relative")
-                    )
+            scene = self.study.scenes[int(record.points[row])]
+            v = record.u_T[row]
+            values = self._errors(record.index(row), scene, v)
             if output.fields and not record.fields:
-                for name, values in self.level.fields(scene, v).items():
-                    fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = (
-                        values
-                    )
+                _put_row(fields, row, len(record), self.level.fields(scene, v))
             try:
-                for of in self._requested if output.asks else ():
-                    found |= of(scene, v)
-            except Exception as error:  # the solution itself stays, and all that was asked goes
-                reason = f"numbers on request: {type(error).__name__}: {error}"
-                status[row], reasons[row] = PointStatus.ERROR, reason
-                found = {name: value for name, value in found.items() if name not in names}
-            for name, value in found.items():
-                numbers.setdefault(name, np.full((len(record), *np.shape(value)), np.nan))[row] = (
-                    value
-                )
+                values |= self._requested_outputs(scene, v)
+            except Exception as error:  # the solution itself stays, without all requested outputs
+                status[row] = PointStatus.ERROR
+                reasons[row] = f"numbers on request: {type(error).__name__}: {error}"
+            _put_row(numbers, row, len(record), values)
         return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
 
+    def _errors(self, index: tuple[int, ...], scene: Scene, v: Array) -> dict[str, Any]:
+        """Return the error bounds and estimates of a solution by variable name."""
+        values = dict[str, Any]()
+        with self.times.measure("estimate"):
+            if self.study.mesh.guarantee:
+                values |= self._bounds.look(scene, v)
+            if self.estimator is not None:
+                bound = values.get("error_bound_relative")
+                values |= self.estimator.look(index, scene, v, bound)
+        return values
 
-Places = NDArray[np.intp]
+    def _requested_outputs(self, scene: Scene, v: Array) -> dict[str, Any]:
+        values = dict[str, Any]()
+        if self.study.output.asks:
+            for function in self._output_functions:
+                values |= function(scene, v)
+        return values
 
-POINTS, ENTRIES = 1024, 2**17
-"""Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part
-in the work."""
-ENOUGH, MOST = 256, 2**18
-"""Points from which a larger block is hardly cheaper by the point, and entries at most."""
-ESTIMATED, EVERY = 16, 64
-"""Points of a block where the error of each is estimated, or all solutions are sought, which takes
-longer than one."""
-SLOWEST = 10.0
-"""Seconds that a point may take beyond its limit, which is looked at between one set of boxes and
-the next."""
-FACTORISATIONS, FLOPS = 2000.0, 1e9
-"""A block may take the time of so many factorisations of Ã a point on a slow processor."""
-FIELDS = 2**22
-"""Numbers of whole-body fields that a block holds at most."""
+
+def _put_row(arrays: dict[str, Array], row: int, n_rows: int, values: Mapping[str, Any]) -> None:
+    """Store values in a row of their arrays; a new array is NaN in all other rows."""
+    for name, value in values.items():
+        if name not in arrays:
+            arrays[name] = np.full((n_rows, *np.shape(value)), np.nan)
+        arrays[name][row] = value
+
+
+# -- which points are solved together
+
+MAX_POINTS = 1024
+"""Points of a block."""
+TARGET_ENTRIES = 2**17
+"""Entries of the arrays (P, m) of a block to aim at, so that many workers have a part."""
+MIN_POINTS = 256
+"""Points from which a larger block is hardly cheaper per point."""
+MAX_ENTRIES = 2**18
+"""Entries of the arrays of a block, which may take away from MIN_POINTS."""
+MAX_ESTIMATED_POINTS = 16
+"""Points of a block where the error of each is estimated, which takes longer than a solution."""
+MAX_SEARCHED_POINTS = 64
+"""Points of a block where all solutions of each are sought."""
+MAX_FIELD_VALUES = 2**22
+"""Values of whole-body fields in a block."""
+MAX_SECONDS_OVER_LIMIT = 10.0
+"""Time of a point beyond its limit, which is checked between two sets of boxes [s]."""
+MAX_FACTORISATIONS = 2000.0
+"""Factorisations of Ã per point whose time a block may take on a slow processor."""
+SLOW_FLOPS = 1e9
+"""Speed of a slow processor [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -329,7 +364,8 @@ class Block:
     """Points that are solved together.
 
     points: their places in the sweep in C order
-    wave:   blocks that begin from solutions of other waves follow these;  ratio: which λ/μ, which all points share
+    wave:   number of steps to the start of the sweep; a wave starts from solutions of earlier ones
+    ratio:  number of the λ/μ that all points share
     """
 
     points: Places
@@ -338,102 +374,117 @@ class Block:
 
 
 def keeps_solutions(study: Study) -> bool:
-    """Whether points begin from solutions of their neighbours."""
+    """Return whether points start from solutions of their neighbours."""
     return study.solver.branch == "continued" or not study.solver.in_blocks
 
 
 def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
-    """The blocks of a level in the order in which they are solved. m: contact unknowns;  n_points: nodes of the mesh"""
-    materials, of = combinations(study.scenes, *of_stiffness(study.scenes))
-    numbers: dict[object, int] = {}
-    ratio = np.array(
-        [numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials]
-    )[of]
-    mu = np.array([numbers.setdefault(("mu", s.material.mu), len(numbers)) for s in materials])[of]
-    places = np.arange(len(study.scenes))
+    """Return the blocks of a level in the order in which they are solved.
+
+    m: contact unknowns;  n_points: nodes of the mesh
+    """
+    materials, material_of_point = combinations(study.scenes, *of_stiffness(study.scenes))
+    ratio = _numbered(Level.ratio(scene) for scene in materials)[material_of_point]
+    mu = _numbered(scene.material.mu for scene in materials)[material_of_point]
     wave = _waves(study)
+    places = np.arange(len(study.scenes))
     order = np.lexsort((places, mu, ratio, wave))  # else as in the file, which is written meanwhile
+    group = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
+    cuts = np.flatnonzero(np.diff(group)) + 1
     size = _size(study, m, n_points)
-    kind = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
-    cuts = np.flatnonzero(np.diff(kind)) + 1
-    parts = [
-        part
-        for whole in np.split(order, cuts)
-        for part in np.array_split(whole, -(-len(whole) // size))
-    ]
-    return [Block(part, int(wave[part[0]]), int(ratio[part[0]])) for part in parts]
+    blocks = list[Block]()
+    for points_of_group in np.split(order, cuts):
+        n_blocks = -(-len(points_of_group) // size)
+        for points in np.array_split(points_of_group, n_blocks):
+            blocks.append(Block(points, int(wave[points[0]]), int(ratio[points[0]])))
+    return blocks
+
+
+def _numbered(keys: Iterable[object]) -> Places:
+    """Return a number for every key: equal keys share it, in order of their appearance."""
+    numbers = dict[object, int]()
+    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
 
 
 def _size(study: Study, m: int, n_points: int) -> int:
+    """Return the largest number of points of a block."""
     if not study.solver.in_blocks:
         return 1
     if study.mesh.estimates or study.mesh.guarantee:
-        return ESTIMATED
+        return MAX_ESTIMATED_POINTS
     if study.solver.every:
-        return EVERY
-    size = max(1, min(POINTS, max(ENTRIES // max(1, m), min(ENOUGH, MOST // max(1, m)))))
-    return max(1, min(size, FIELDS // (3 * n_points))) if study.output.fields else size
+        return MAX_SEARCHED_POINTS
+    nodes = max(1, m)
+    size = max(TARGET_ENTRIES // nodes, min(MIN_POINTS, MAX_ENTRIES // nodes))
+    size = max(1, min(MAX_POINTS, size))
+    if study.output.fields:
+        size = max(1, min(size, MAX_FIELD_VALUES // (3 * n_points)))
+    return size
 
 
 def _waves(study: Study) -> Places:
-    """(P,) how many steps back along the sweep a point has, where each begins from its neighbour's
-    solution."""
+    """Return (P,) the steps back to the start of the sweep, 0 where points start on their own."""
     if study.solver.branch != "continued" or not study.shape:
         return np.zeros(len(study.scenes), dtype=np.intp)
     return np.asarray(sum(np.indices(study.shape)), dtype=np.intp).ravel()
 
 
-class Solutions:
-    """Contact solutions of a level found so far: where neighbours begin from."""
+class NeighbourSolutions:
+    """Contact solutions of a level found so far, from which neighbours start."""
 
     def __init__(self, study: Study, m: int, order: Places) -> None:
-        """m: contact unknowns;  order: (P,) places in the order in which they are solved"""
-        self._shape, self._rank = study.shape, np.argsort(order)
+        """Store no solution yet.
+
+        m: contact unknowns;  order: (P,) places in the order in which they are solved
+        """
+        self._shape = study.shape
+        self._rank = np.argsort(order)
         loads = load_axes(study)
-        self._dims = [*(d for d in range(len(study.shape)) if d not in loads), *loads]
+        parameters = [axis for axis in range(len(study.shape)) if axis not in loads]
+        self._axes = [*parameters, *loads]  # of a later one the neighbour is preferred
         self._v = np.full((len(study.scenes), m), np.nan)
 
-    def take(self, block: BlockRecord) -> None:
-        """Remember a block's solutions."""
+    def store(self, block: BlockRecord) -> None:
+        """Store a block's solutions."""
         if block.u_T is not None:
-            ok = block.status == PointStatus.OK
-            self._v[block.points[ok]] = block.u_T[ok]
+            is_solved = block.status == PointStatus.OK
+            self._v[block.points[is_solved]] = block.u_T[is_solved]
 
-    def beside(self, points: Places) -> Array:
-        """Return (P, m) the solutions one step back along the last axis of a load, or else the last
-        axis, that has a step back and a solution there.
+    def neighbours(self, points: Places) -> Array:
+        """Return (P, m) the solutions one step back along an axis, NaN in rows without one.
 
-        NaN in rows without one. One that is solved later counts as none, so that a resumed run has
-        the same bits.
+        It is the last axis of a load, or else the last axis, with a step back and a solution there.
+        A solution of a point that is solved later is not used, so that a resumed run has the same
+        bits.
         """
-        found = np.full((len(points), self._v.shape[1]), np.nan)
-        index = (
-            np.array(np.unravel_index(points, self._shape))
-            if self._shape
-            else np.zeros((0, len(points)), int)
-        )
-        for d in self._dims:  # the last one overwrites those before
-            back = index.copy()
-            back[d] -= 1
-            inside = np.flatnonzero(back[d] >= 0)
-            before = np.ravel_multi_index(tuple(back[:, inside]), self._shape)
-            v = self._v[before]
-            known = ~np.isnan(v).any(axis=1) & (self._rank[before] < self._rank[points[inside]])
-            found[inside[known]] = v[known]
-        return found
+        solutions = np.full((len(points), self._v.shape[1]), np.nan)
+        index = np.zeros((0, len(points)), int)
+        if self._shape:
+            index = np.array(np.unravel_index(points, self._shape))
+        for axis in self._axes:
+            step_back = index.copy()
+            step_back[axis] -= 1
+            rows = np.flatnonzero(step_back[axis] >= 0)
+            neighbours = np.ravel_multi_index(tuple(step_back[:, rows]), self._shape)
+            v = self._v[neighbours]
+            is_earlier = self._rank[neighbours] < self._rank[points[rows]]
+            is_usable = ~np.isnan(v).any(axis=1) & is_earlier
+            solutions[rows[is_usable]] = v[is_usable]
+        return solutions
 
 
 def at_contact_nodes(function: LineFunction, mesh: PlaneMesh, line: ContactLine) -> Array:
-    """(m,) a function of place and normal at the nodes of the line, with the normals of the exact
-    curve."""
+    """Return (m,) a function of place and normal at the contact nodes.
+
+    The normals are those of the exact curve.
+    """
     normals = np.zeros_like(mesh.points)
     normals[line.segments] = mesh.end_normals[line.which]
     x, y = line.xy.T
     return function(x, y, normals[line.nodes])
 
 
-# -- what is recorded of a block, and of a point that is solved by itself
-# ------------------------------------------
+# -- a point by itself
 
 
 def solve_point(
@@ -443,53 +494,89 @@ def solve_point(
     neighbour: Array | None = None,
     exact: Array | None = None,
 ) -> BlockRecord:
-    """Solve one point of the sweep on one level; every failure becomes a status with its reason.
+    """Solve one point of the sweep on one level; a failure becomes a status with its reason.
 
-    neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
-    exact:     the exact solution at the contact nodes, a start where the study gives one
+    neighbour: (m,) solution of a neighbouring point, a start where the study's branch asks for one
+    exact:     (m,) exact solution at the contact nodes, a start where the study gives one
     """
-    plan, points = study.solver, np.array([place])
+    points = np.array([place])
     try:
-        scene = study.scenes[place]
-        problem, condensed = level.condensed(scene).problem, level.block([scene])
-        given = plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact
-        solved = [timed(solve_contact, problem, name, *given) for name in plan.names]
-        answer, seconds = solved[0]
-        lambda_1, residual = level.lambda_1(scene), answer.inclusion_residual
-        proved = certify(problem, answer.v, lambda_1, plan.tolerance, residual=residual)
-        row, laws = as_row(replace(answer, certificate=proved)), row_laws([problem.law], np.ones(1))
-        record = block_record(study, level, points, [scene], condensed, laws, row, seconds)
-        more = {"evaluations": answer.evaluations} | (
-            _by_solver(condensed, solved) if len(solved) > 1 else {}
-        )
-        fields = level.fields(scene, answer.v) if study.output.fields else {}
-        return replace(record, numbers=record.numbers | _one_row(more), fields=_one_row(fields))
-    except Exception as error:  # one point must not end a sweep; what it was stands in the data
+        return _solved_point(study, level, points, neighbour, exact)
+    except Exception as error:  # one point must not end a sweep; the data keep its words
         return all_failed(study, level.mesh.level, points, *failed_by(error))
 
 
-def failed_by(error: Exception) -> tuple[PointStatus, str]:
-    """The status and the reason of points that an exception ends."""
-    singular = isinstance(error, NotPositiveDefinite)
-    return (
-        (PointStatus.SINGULAR, str(error))
-        if singular
-        else (PointStatus.ERROR, f"{type(error).__name__}: {error}")
+def _solved_point(
+    study: Study, level: Level, points: Places, neighbour: Array | None, exact: Array | None
+) -> BlockRecord:
+    plan = study.solver
+    scene = study.scenes[int(points[0])]
+    problem = level.condensed(scene).problem
+    condensed = level.block([scene])
+    solve = partial(
+        solve_contact,
+        tolerance=plan.tolerance,
+        max_iterations=plan.max_iterations,
+        branch=plan.branch,
+        neighbour=neighbour,
+        exact=exact,
     )
+    runs = [timed(solve, problem, name) for name in plan.names]
+    answer, seconds = runs[0]
+    lambda_1 = level.lambda_1(scene)
+    certificate = certify(
+        problem, answer.v, lambda_1, plan.tolerance, residual=answer.inclusion_residual
+    )
+    row = as_row(replace(answer, certificate=certificate))
+    laws = row_laws([problem.law], np.ones(1))
+    record = block_record(study, level, points, [scene], condensed, laws, row, seconds)
+    numbers = {"evaluations": answer.evaluations}
+    if len(runs) > 1:
+        numbers |= _by_solver(condensed, runs)
+    fields = level.fields(scene, answer.v) if study.output.fields else {}
+    return replace(record, numbers=record.numbers | _one_row(numbers), fields=_one_row(fields))
+
+
+def _by_solver(condensed: CondensedBlock, runs: Sequence[tuple[Answer, float]]) -> dict[str, Any]:
+    """Return the results of every solver, and their distances from the first solution."""
+    answers = [answer for answer, _ in runs]
+    constant = float(condensed.constant[0])
+    first = answers[0].v
+    scale = float(np.max(np.abs(first), initial=0.0))
+    distances = [float(np.max(np.abs(answer.v - first), initial=0.0)) for answer in answers]
+    if scale > 0.0:
+        distances = [distance / scale for distance in distances]
+    return {
+        "solver_residual": [answer.inclusion_residual for answer in answers],
+        "solver_energy": [answer.energy + constant for answer in answers],
+        "solver_iterations": [answer.iterations for answer in answers],
+        "solver_time": [seconds for _, seconds in runs],
+        "solver_difference": distances,
+    }
 
 
 def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
     return {name: np.array([value], dtype=float) for name, value in values.items()}
 
 
-def all_failed(
-    study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str
-) -> BlockRecord:
-    """Points of a level without results."""
-    count = len(points)
-    failed = np.full(count, int(status), dtype=np.int8)
-    return BlockRecord(level, study.shape, points, failed, dict.fromkeys(range(count), reason), {})
+def failed_by(error: Exception) -> tuple[PointStatus, str]:
+    """Return the status and the reason of points that an exception ends."""
+    if isinstance(error, NotPositiveDefinite):
+        return PointStatus.SINGULAR, str(error)
+    return PointStatus.ERROR, f"{type(error).__name__}: {error}"
 
+
+def all_failed(
+    study: Study, level: int, points: Places, status: PointStatus, reason: str
+) -> BlockRecord:
+    """Return the record of points of a level without results."""
+    n_points = len(points)
+    statuses = np.full(n_points, int(status), dtype=np.int8)
+    reasons = dict.fromkeys(range(n_points), reason)
+    return BlockRecord(level, study.shape, points, statuses, reasons, numbers={})
+
+
+# -- the record of a block
 
 STATUS = np.full(max(Status) + 1, int(PointStatus.NOT_CONVERGED), dtype=np.int8)
 """Statuses of the data by those of a solver."""
@@ -501,59 +588,36 @@ STATUS[Status.NOT_POSITIVE_DEFINITE] = PointStatus.SINGULAR
 def block_record(
     study: Study,
     level: Level,
-    points: NDArray[np.intp],
+    points: Places,
     scenes: Sequence[Scene],
     condensed: CondensedBlock,
     laws: Laws,
     answers: Answer,
     seconds: float,
 ) -> BlockRecord:
-    """The record of a block of answers, units as in data.schema. laws: of its rows;  seconds: for all of them."""
-    proved, error, count = answers.certificate, condensed.lambda_1_error, len(points)
-    assert proved is not None
+    """Return the record of a block of answers, in the units of data.schema.
+
+    laws: of the rows of the block;  seconds: for all of them
+    """
     factor = condensed.mu / condensed.mu[0]  # stiffness of a point's body over that of the block's
-    solved = answers.status == Status.CONVERGED
-    # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its
-    # inclusion residual
-    nothing = solved & np.array([scene.friction.vanishes for scene in scenes])
-    xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
-    sticks = np.where(np.isnan(answers.v), UNKNOWN, laws.kind(laws.locate(answers.v)) == UP)
-    lambda_1, omega, balance = (
-        condensed.mu * condensed.lambda_1,
-        proved.omega * factor,
-        condensed.heat_balance,
-    )
-    unbalanced = np.where(balance <= HEAT_BOUND, BALANCED, UNBALANCED)
+    # without friction a solution has nothing but rounding of ξ, which the inclusion residual tells
+    is_frictionless = np.array([scene.friction.vanishes for scene in scenes])
+    is_zero = (answers.status == Status.CONVERGED) & is_frictionless
+    xi = np.where(is_zero[:, None], 0.0, answers.xi * factor[:, None])
+    traction = xi / condensed.c
+    is_on_jump = laws.kind(laws.locate(answers.v)) == UP
+    sticks = np.where(np.isnan(answers.v), UNKNOWN, is_on_jump)
     values = {
-        "energy": answers.energy * factor + condensed.constant,
-        "inclusion_residual": answers.inclusion_residual,
-        "inclusion_rounding": answers.rounding,
-        "inclusion_status": np.where(solved, np.where(answers.limited, LIMITED, MET), NOT_JUDGED),
-        "iterations": answers.iterations,
-        "u_T_max": np.max(np.abs(answers.v), axis=-1, initial=0.0),
-        "friction_resultant": xi.sum(axis=-1),
-        "lambda_1": lambda_1,
-        "lambda_1_error": np.full(count, error),
-        "omega": omega,
-        "uniqueness_margin": proved.margin * factor,
-        "unique": proved.unique,
-        "strict_minimum": proved.strict_minimum,
-        "global_minimum": proved.global_minimum,
-        "start_used": answers.start,
-        "start_energy": answers.energies * factor[:, None] + condensed.constant[:, None],
-        "theta_mean": condensed.theta_mean,
-        "heat_balance": balance,
-        "heat_status": np.where(np.isnan(balance), NOT_JUDGED, unbalanced),
-        "time_condense": np.full(count, condensed.time / count),
-        "time_solve": np.full(count, seconds / count),
-        **line_numbers(level, scenes, laws, answers.v, xi / condensed.c),
+        **_answer_values(answers, condensed, factor, xi),
+        **_proof_values(answers, condensed, factor),
+        **_condensed_values(condensed),
+        "time_solve": np.full(len(points), seconds / len(points)),
+        **line_numbers(level, scenes, laws, answers.v, traction),
     }
-    if condensed.band is not None:
-        values |= condensed.band.numbers(omega, condensed.mu)
     solutions: dict[str, Array] = {}
     if answers.solutions is not None:
-        more, solutions = _every(answers.solutions, points, factor, condensed)
-        values |= more
+        values |= _solution_counts(answers.solutions)
+        solutions = _all_solutions(answers.solutions, points, factor, condensed)
     return BlockRecord(
         level=level.mesh.level,
         shape=study.shape,
@@ -562,48 +626,97 @@ def block_record(
         reasons={row: reason for row, reason in enumerate(answers.reason) if reason},
         numbers={name: np.asarray(value, dtype=float) for name, value in values.items()},
         u_T=answers.v,
-        xi=xi / condensed.c,
+        xi=traction,
         sticks=sticks.astype(np.int8),
         solutions=solutions,
     )
 
 
-def _every(
-    found: Sequence[Equilibria], points: NDArray[np.intp], factor: Array, condensed: CondensedBlock
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What a block stores of all solutions of its points by variable name: (P,), and one row a solution.
-    points: (P,) places in the sweep;  factor: (P,) stiffness of a point's body over that of the block's"""
-    count = np.array([len(one) for one in found])
-    complete = np.array([one.complete for one in found], dtype=bool)
-    polygon = np.array([one.law_error > 0.0 for one in found], dtype=bool)
-    numbers = {
-        "solutions": count,
-        "stable_solutions": np.array([np.count_nonzero(one.stable) for one in found]),
-        "complete": np.where(complete, np.where(polygon, OF_POLYGON, ALL_PROVED), NOT_ALL),
-    }
-    row = np.repeat(np.arange(len(count)), count)
-    solutions: dict[str, Any] = {
-        "solution_point": points[row].astype(np.int32),
-        "solution_energy": np.concatenate([one.energy for one in found]) * factor[row]
-        + condensed.constant[row],
-        "solution_stable": np.concatenate([one.stable for one in found]).astype(np.int8),
-        "solution_u_T": np.concatenate([one.v for one in found]),
-        "solution_xi": np.concatenate([one.xi for one in found]) * factor[row, None] / condensed.c,
-        "solution_piece": np.concatenate([one.sides for one in found]).astype(np.int32),
-    }
-    return numbers, solutions
+def _answer_values(
+    answers: Answer, condensed: CondensedBlock, factor: Array, xi: Array
+) -> dict[str, Any]:
+    """Return the results of the solver by variable name.
 
-
-def _by_solver(condensed: CondensedBlock, solved: Sequence[tuple[Answer, float]]) -> dict[str, Any]:
-    """What each solver found, and how far from the first one's solution."""
-    answers, times = zip(*solved, strict=True)
-    first = answers[0].v
-    scale = float(np.max(np.abs(first), initial=0.0))
-    apart = [float(np.max(np.abs(a.v - first), initial=0.0)) for a in answers]
+    factor: (P,) stiffness of a point's body over that of the block's;  xi: (P, m) [N/m]
+    """
+    is_solved = answers.status == Status.CONVERGED
+    accepted = np.where(answers.limited, LIMITED, MET)
+    constant = condensed.constant
     return {
-        "solver_residual": [a.inclusion_residual for a in answers],
-        "solver_energy": [a.energy + float(condensed.constant[0]) for a in answers],
-        "solver_iterations": [a.iterations for a in answers],
-        "solver_time": times,
-        "solver_difference": [d / scale if scale > 0.0 else d for d in apart],
+        "energy": answers.energy * factor + constant,
+        "inclusion_residual": answers.inclusion_residual,
+        "inclusion_rounding": answers.rounding,
+        "inclusion_status": np.where(is_solved, accepted, NOT_JUDGED),
+        "iterations": answers.iterations,
+        "u_T_max": np.max(np.abs(answers.v), axis=-1, initial=0.0),
+        "friction_resultant": xi.sum(axis=-1),
+        "start_used": answers.start,
+        "start_energy": answers.energies * factor[:, None] + constant[:, None],
+    }
+
+
+def _proof_values(answers: Answer, condensed: CondensedBlock, factor: Array) -> dict[str, Any]:
+    """Return the certificates of the answers, and λ₁ and ω that they rest on, by variable name."""
+    certificate = answers.certificate
+    assert certificate is not None
+    omega = certificate.omega * factor
+    values = {
+        "lambda_1": condensed.mu * condensed.lambda_1,
+        "lambda_1_error": np.full(len(factor), condensed.lambda_1_error),
+        "omega": omega,
+        "uniqueness_margin": certificate.margin * factor,
+        "unique": certificate.unique,
+        "strict_minimum": certificate.strict_minimum,
+        "global_minimum": certificate.global_minimum,
+    }
+    if condensed.band is not None:
+        values |= condensed.band.numbers(omega, condensed.mu)
+    return values
+
+
+def _condensed_values(condensed: CondensedBlock) -> dict[str, Array]:
+    """Return the temperatures and the time of the condensation by variable name."""
+    n_points = len(condensed.mu)
+    balance = condensed.heat_balance
+    heat_status = np.where(balance <= HEAT_BOUND, BALANCED, UNBALANCED)
+    return {
+        "theta_mean": condensed.theta_mean,
+        "heat_balance": balance,
+        "heat_status": np.where(np.isnan(balance), NOT_JUDGED, heat_status),
+        "time_condense": np.full(n_points, condensed.time / n_points),
+    }
+
+
+def _solution_counts(equilibria: Sequence[Equilibria]) -> dict[str, Array]:
+    """Return (P,) how many solutions points have, and whether these are all, by variable name."""
+    is_complete = np.array([point.complete for point in equilibria], dtype=bool)
+    is_polygon = np.array([point.law_error > 0.0 for point in equilibria], dtype=bool)
+    proved = np.where(is_polygon, OF_POLYGON, ALL_PROVED)
+    return {
+        "solutions": np.array([len(point) for point in equilibria]),
+        "stable_solutions": np.array([np.count_nonzero(point.stable) for point in equilibria]),
+        "complete": np.where(is_complete, proved, NOT_ALL),
+    }
+
+
+def _all_solutions(
+    equilibria: Sequence[Equilibria], points: Places, factor: Array, condensed: CondensedBlock
+) -> dict[str, NDArray[Any]]:
+    """Return all solutions of a block, one row per solution, by variable name.
+
+    points: (P,) places in the sweep
+    factor: (P,) stiffness of a point's body over that of the block's
+    """
+    row = np.repeat(np.arange(len(points)), [len(point) for point in equilibria])
+    energy = np.concatenate([point.energy for point in equilibria])
+    xi = np.concatenate([point.xi for point in equilibria])
+    stable = np.concatenate([point.stable for point in equilibria])
+    pieces = np.concatenate([point.sides for point in equilibria])
+    return {
+        "solution_point": points[row].astype(np.int32),
+        "solution_energy": energy * factor[row] + condensed.constant[row],
+        "solution_stable": stable.astype(np.int8),
+        "solution_u_T": np.concatenate([point.v for point in equilibria]),
+        "solution_xi": xi * factor[row, None] / condensed.c,
+        "solution_piece": pieces.astype(np.int32),
     }

@@ -45,8 +45,8 @@ from tcstudy.study.workers import (
     WorkerPool,
     contact_seconds,
     expected_bytes,
-    of_geometry,
-    predicted,
+    geometry_resources,
+    predicted_sizes,
     submit,
 )
 
@@ -515,8 +515,8 @@ def _record_sources(
     for i, body in enumerate(study.variants):
         if body.study is not None and not finished[i] and _fits_a_call(body.study):
             remote[i] = body.study
-    resources = {i: of_geometry(geometry) for i, geometry in remote.items()}
-    executor = pool.whole(list(resources.values()))
+    resources = {i: geometry_resources(geometry) for i, geometry in remote.items()}
+    executor = pool.executor_of_calls(list(resources.values()))
     answers: Iterator[Future[list[AnyRecord]]] = iter(())
     if executor is not None:
         calls = (
@@ -540,14 +540,14 @@ def _record_sources(
             return ()  # not even a mesh is needed
         if executor is not None and i in remote:
             return next(answers).result()
-        return run(geometry, finished[i], pool.blocks)
+        return run(geometry, finished[i], pool.executor_of_blocks)
 
     return (partial(records_of, i) for i in range(len(study.bodies)))
 
 
 def _fits_a_call(geometry: Study) -> bool:
     """Return whether one call of a worker may solve a geometry and send all its results."""
-    seconds = sum(contact_seconds(geometry, level.n_contact) for level in predicted(geometry))
+    seconds = sum(contact_seconds(geometry, level.n_contact) for level in predicted_sizes(geometry))
     return seconds < MAX_SECONDS_PER_CALL and expected_bytes(geometry) < MAX_BYTES_PER_CALL
 
 

@@ -1,17 +1,16 @@
-"""What the work of a run is, known before anything is solved, and who does it: this process,
-workers, a dask cluster.
+"""Forecast the work of a run before anything is solved, and choose who does it: this process,
+workers, or a dask cluster.
 
-`predicted` needs areas and lengths alone; `sizes` counts meshes while they are small, and predicts
-others from the last one counted: where h is halved, what lies in triangles grows fourfold, what
-lies on edges twofold.
+`predicted_sizes` needs areas and lengths alone. `counted_sizes` counts meshes while they are small,
+and extrapolates from the last one counted: where h is halved, what lies in triangles grows
+fourfold, what lies on edges twofold.
 
-Times, which decide about workers, are those of results/speed.md, t = c Nᵖ for N displacement
-unknowns; what users are told is measured (`study.plan`).
+Times decide about workers; they are those of results/speed.md, t = c Nᵖ for N displacement
+unknowns. Times that users read are measured (`study.plan`).
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -19,9 +18,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeVar
-
-import numpy as np
+from typing import TYPE_CHECKING, TypeVar
 
 from tcstudy.data import schema
 from tcstudy.errors import GeometryFailed
@@ -35,33 +32,42 @@ from tcstudy.executors.processes import (
 )
 from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Clamped, Contact
+from tcstudy.scene.records import Body, Clamped, Contact, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 
-POINT, NODE = 0.08e-3, 2.6e-6
-"""Seconds that a point takes to the file, and more for each contact unknown (results/online.md, m =
-11 to 176)."""
-START, LEVEL = 2.0, 0.3
-"""Seconds that starting takes, and a level whatever its size."""
-STAGES = (4.6e-6, 1.08)
-"""(c, p) of all stages of a level, from the refinement of its mesh to its loads, with a heat
-problem."""
-STEP = 75.0
-"""Times as long as a point of a block takes a step of a history (13 ms with 40 nodes, 33 ms with
-133)."""
-MEMORY, UNKNOWN = 270e6, 2700.0
-"""Bytes of the program, and more for each unknown of the finest mesh (2.79 GB at N = 939,518)."""
-MOST_NODES = 10_000
-"""Nodes up to which a mesh is made only to be counted; half a second."""
+if TYPE_CHECKING:
+    from tcstudy.fem.meshes import PlaneMesh
+
+SECONDS_PER_POINT = 0.08e-3
+"""Time that a point takes to the file (results/online.md, m = 11 to 176)."""
+SECONDS_PER_NODE = 2.6e-6
+"""Time that it takes more for each contact unknown."""
+START_SECONDS = 2.0
+"""Time that the program takes to start."""
+LEVEL_SECONDS = 0.3
+"""Time that a level takes whatever its size."""
+STAGE_SECONDS = 4.6e-6
+"""c of all stages of a level, from the refinement of its mesh to its loads, with a heat problem."""
+STAGE_EXPONENT = 1.08
+"""p of the same."""
+POINTS_PER_STEP = 75.0
+"""Points of a block that take as long as a step of a history (13 ms, m = 40; 33 ms, m = 133)."""
+PROGRAM_BYTES = 270e6
+"""Memory of the program."""
+BYTES_PER_UNKNOWN = 2700.0
+"""Memory for each displacement unknown of the finest mesh (2.79 GB at N = 939,518)."""
+MAX_COUNTED_NODES = 10_000
+"""Nodes up to which a mesh is made only to be counted, which takes half a second."""
 
 
 @dataclass(frozen=True)
 class LevelForecast:
-    """One mesh level: element size asked for [m], mesh nodes, displacement unknowns and contact
-    unknowns.
+    """Sizes of a mesh level.
 
-    exact: whether they are counted, else predicted
+    h: target element size [m];  nodes: of the mesh
+    n_dof: displacement unknowns;  n_contact: contact unknowns
+    exact: whether they are counted, not predicted
     """
 
     h: float
@@ -80,73 +86,98 @@ class Resources:
     unknown: str = ""
 
 
-def predicted(study: Study) -> tuple[LevelForecast, ...]:
-    """Sizes without a mesh of the levels whose number is known beforehand. Raises GeometryFailed if
-    a file has no face.
+def predicted_sizes(study: Study) -> tuple[LevelForecast, ...]:
+    """Return sizes of the levels whose number is known beforehand, without a mesh.
 
-    By Euler's formula with equilateral triangles of edge h (Netgen's for maxh = h have 0.9 to 1.04
-    h on average); too low where small features, arcs or grading refine the mesh.
+    They follow from Euler's formula with equilateral triangles of edge h (Netgen's for maxh = h
+    have 0.9 to 1.04 h on average). They are too low where small features, arcs or grading refine
+    the mesh. Raises GeometryFailed if a file has no face.
     """
     scene, mesh = study.scenes[0], study.mesh
-    if scene.body.brep is None:
-        area, lengths = body_area(scene.body), dict(boundary_lengths(scene.body))
-    else:
-        from tcstudy.fem.geometry import build
-
-        geometry = build(scene.body)
-        area, lengths = geometry.area, dict.fromkeys((curve.name for curve in geometry.curves), 0.0)
-        for curve in geometry.curves:
-            lengths[curve.name] += curve.length
-    held = sum(lengths.get(name, 0.0) for name, role in scene.boundary if isinstance(role, Clamped))
+    area, lengths = _area_and_lengths(scene.body)
+    boundary = sum(lengths.values())
+    clamped = 0.0
+    for name, role in scene.boundary:
+        if isinstance(role, Clamped):
+            clamped += lengths.get(name, 0.0)
     contact = sum(lengths.get(name, 0.0) for name in scene.edges(Contact))
-    found = []
+    forecasts = list[LevelForecast]()
     for i in range(1 if mesh.open_ended else mesh.levels):
         h = mesh.maxh[i] if mesh.listed else mesh.maxh[0] / 2**i
-        nodes = area / (math.sqrt(3) / 4 * h**2) / 2 + sum(lengths.values()) / h / 2 + 1
-        n_dof = 2 * nodes - 2 * held / h - contact / h
-        found.append(
-            LevelForecast(h, round(nodes), max(1, round(n_dof)), max(1, round(contact / h)))
-        )
-    return tuple(found)
+        nodes = area / (math.sqrt(3) / 4 * h**2) / 2 + boundary / h / 2 + 1
+        n_dof = max(1, round(2 * nodes - 2 * clamped / h - contact / h))
+        forecasts.append(LevelForecast(h, round(nodes), n_dof, max(1, round(contact / h))))
+    return tuple(forecasts)
 
 
-def sizes(study: Study) -> tuple[LevelForecast, ...]:
-    """The same, counted on meshes that are small. Raises GeometryFailed where a run would before it
-    solves anything."""
-    rough, plan, scene = predicted(study), study.mesh, study.scenes[0]
-    if rough[0].nodes > MOST_NODES and not plan.listed:
-        return rough
-    from tcstudy.fem.forms import constrain, contact_line
+def _area_and_lengths(body: Body) -> tuple[float, dict[str, float]]:
+    """Return the area of a body [m²] and the lengths of its edges by name [m]."""
+    if body.brep is None:
+        return body_area(body), dict(boundary_lengths(body))
+    from tcstudy.fem.geometry import build
+
+    geometry = build(body)
+    lengths = dict[str, float]()
+    for curve in geometry.curves:
+        lengths[curve.name] = lengths.get(curve.name, 0.0) + curve.length
+    return geometry.area, lengths
+
+
+def counted_sizes(study: Study) -> tuple[LevelForecast, ...]:
+    """Return sizes of the levels, counted on meshes that are small.
+
+    Raises GeometryFailed where a run would before it solves anything.
+    """
+    predictions = predicted_sizes(study)
+    plan, scene = study.mesh, study.scenes[0]
+    if predictions[0].nodes > MAX_COUNTED_NODES and not plan.listed:
+        return predictions
     from tcstudy.fem.meshes import Meshes
 
-    held = tuple(item for item in scene.boundary if isinstance(item[1], Clamped | Contact))
-    meshes, found = Meshes(study), list[LevelForecast]()
-    for level, size in enumerate(rough):
-        if found:
-            last, before, r = found[-1], rough[level - 1], found[-1].h / size.h
-            nodes, n_dof = round(last.nodes * r**2), round(last.n_dof * r**2)
-            if plan.listed:  # what small features and arcs add to a mesh of a list they add to all
-                nodes = size.nodes + max(0, last.nodes - before.nodes)
-                n_dof = size.n_dof + max(0, last.n_dof - before.n_dof)
-            size = LevelForecast(size.h, nodes, n_dof, round(last.n_contact * r))
-        if size.nodes <= MOST_NODES:
+    meshes = Meshes(study)
+    forecasts = list[LevelForecast]()
+    for level, forecast in enumerate(predictions):
+        if level > 0:
+            before = predictions[level - 1]
+            forecast = _extrapolated(forecast, forecasts[-1], before, plan.listed)
+        if forecast.nodes <= MAX_COUNTED_NODES:
             try:
-                mesh = meshes.next(level)
-                frames = constrain(mesh, held)
-                m = contact_line(mesh, frames, scene.edges(Contact)).m
-                size = LevelForecast(size.h, mesh.n_points, frames.n_dof, m, exact=True)
-            except (
-                GeometryFailed
-            ):  # of a list, a mesh that cannot be made is a status of its points
+                forecast = _counted(meshes.next(level), scene, forecast.h)
+            except GeometryFailed:  # in a list, a mesh that fails is a status of its points
                 if level == 0 or not plan.listed:
                     raise
-        found.append(size)
-    return tuple(found)
+        forecasts.append(forecast)
+    return tuple(forecasts)
 
 
-def refined(levels: Sequence[LevelForecast], mesh: MeshPlan) -> tuple[LevelForecast, ...]:
-    """Levels up to the bound of the unknowns, where an estimate decides about meshes after those
-    that are known.
+def _extrapolated(
+    predicted: LevelForecast, coarser: LevelForecast, predicted_coarser: LevelForecast, listed: bool
+) -> LevelForecast:
+    """Return the sizes of a level from those of the level before, which may be counted.
+
+    In a list of meshes, small features and arcs add as many nodes to one mesh as to the next.
+    """
+    ratio = coarser.h / predicted.h
+    if listed:
+        nodes = predicted.nodes + max(0, coarser.nodes - predicted_coarser.nodes)
+        n_dof = predicted.n_dof + max(0, coarser.n_dof - predicted_coarser.n_dof)
+    else:
+        nodes = round(coarser.nodes * ratio**2)
+        n_dof = round(coarser.n_dof * ratio**2)
+    return LevelForecast(predicted.h, nodes, n_dof, round(coarser.n_contact * ratio))
+
+
+def _counted(mesh: PlaneMesh, scene: Scene, h: float) -> LevelForecast:
+    from tcstudy.fem.forms import constrain, contact_line
+
+    constrained = [item for item in scene.boundary if isinstance(item[1], Clamped | Contact)]
+    frames = constrain(mesh, tuple(constrained))
+    m = contact_line(mesh, frames, scene.edges(Contact)).m
+    return LevelForecast(h, mesh.n_points, frames.n_dof, m, exact=True)
+
+
+def with_refinement(levels: Sequence[LevelForecast], mesh: MeshPlan) -> tuple[LevelForecast, ...]:
+    """Return the levels up to the limit of the unknowns, where an estimate decides about meshes.
 
     Adaptive meshes grow about twofold from level to level, others fourfold. The contact line grows
     like N^(3/4), between the N^(1/2) of the body's other boundary and the N of meshes that are
@@ -154,150 +185,176 @@ def refined(levels: Sequence[LevelForecast], mesh: MeshPlan) -> tuple[LevelForec
     """
     if not levels or not mesh.open_ended:
         return tuple(levels)
-    growth, last = mesh.strategy.growth, levels[-1]
-    most = max(1.0, mesh.max_dofs / last.n_dof)
-    ratios = [
-        1.0,
-        *itertools.takewhile(
-            lambda ratio: ratio < most, (growth**i for i in range(1, mesh.levels))
-        ),
-    ]
+    growth = mesh.strategy.growth
+    last_known = levels[-1]
+    max_ratio = max(1.0, mesh.max_dofs / last_known.n_dof)
+    ratios = [1.0]
+    while len(ratios) < mesh.levels and growth ** len(ratios) < max_ratio:
+        ratios.append(growth ** len(ratios))
     if len(ratios) < mesh.levels:
-        ratios.append(most)
-    n_dofs = [round(last.n_dof * ratio) for ratio in ratios]
-    return tuple(
-        LevelForecast(
-            last.h,
-            last.nodes + (n_dof - last.n_dof) // 2,
-            n_dof,
-            round(last.n_contact * ratio**0.75),
-        )
-        for n_dof, ratio in zip(n_dofs, ratios, strict=True)
-    )
+        ratios.append(max_ratio)
+    forecasts = list[LevelForecast]()
+    for ratio in ratios:
+        n_dof = round(last_known.n_dof * ratio)
+        nodes = last_known.nodes + (n_dof - last_known.n_dof) // 2
+        n_contact = round(last_known.n_contact * ratio**0.75)
+        forecasts.append(LevelForecast(last_known.h, nodes, n_dof, n_contact))
+    return tuple(forecasts)
 
 
 def contact_seconds(study: Study, m: int) -> float:
-    """About how long the contact problems of a level with m contact unknowns take one process."""
-    return len(study.scenes) * (POINT + NODE * m)
+    """Return the time that one process takes for the contact problems of a level."""
+    return len(study.scenes) * (SECONDS_PER_POINT + SECONDS_PER_NODE * m)
 
 
 def meshing_seconds(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> float:
-    """Seconds of this processor for the meshes that Netgen makes itself; fewer triangles than
-    SAMPLE take none."""
+    """Return the time of this processor for the meshes that Netgen makes itself.
+
+    Fewer triangles than SAMPLE take none.
+    """
     from tcstudy.fem import meshes
 
-    triangles = (
-        sum(2 * level.nodes for level in (levels[:1] if mesh.nested else levels)) / 4**mesh.refine
-    )
-    return triangles / meshes.triangles_a_second() if triangles > meshes.SAMPLE else 0.0
+    meshed = levels[:1] if mesh.nested else levels
+    triangles = sum(2 * level.nodes for level in meshed) / 4**mesh.refine
+    if triangles <= meshes.SAMPLE:
+        return 0.0
+    return triangles / meshes.triangles_a_second()
 
 
-def of_history(study: Study, n_dof: int, m: int) -> Resources:
-    """What the steps of one point are expected to take, with so many unknowns of the body and its
-    contact line."""
+def history_resources(study: Study, n_dof: int, m: int) -> Resources:
+    """Return what the steps of one point take.
+
+    n_dof: displacement unknowns;  m: contact unknowns
+    """
     assert study.history is not None
-    each = contact_seconds(study, m) / len(study.scenes)
-    return Resources(study.history.steps * STEP * each, MEMORY + UNKNOWN * n_dof)
+    seconds_per_point = contact_seconds(study, m) / len(study.scenes)
+    seconds = study.history.steps * POINTS_PER_STEP * seconds_per_point
+    return Resources(seconds, PROGRAM_BYTES + BYTES_PER_UNKNOWN * n_dof)
 
 
-def of_geometry(study: Study) -> Resources:
-    """What all points of a geometry of a sweep are expected to take, without a look at its
-    meshes."""
-    levels, (c, p) = refined(predicted(study), study.mesh), STAGES
-    spent = sum(LEVEL + c * v.n_dof**p + contact_seconds(study, v.n_contact) for v in levels)
-    memory = MEMORY + UNKNOWN * max(v.n_dof for v in levels)
-    return Resources(spent + meshing_seconds(study.mesh, levels), memory)
+def geometry_resources(study: Study) -> Resources:
+    """Return what all points of a geometry of a sweep take, without a look at its meshes."""
+    levels = with_refinement(predicted_sizes(study), study.mesh)
+    seconds = 0.0
+    for level in levels:
+        stages = LEVEL_SECONDS + STAGE_SECONDS * level.n_dof**STAGE_EXPONENT
+        seconds += stages + contact_seconds(study, level.n_contact)
+    max_dofs = max(level.n_dof for level in levels)
+    return Resources(
+        seconds + meshing_seconds(study.mesh, levels),
+        PROGRAM_BYTES + BYTES_PER_UNKNOWN * max_dofs,
+    )
 
 
 def expected_bytes(study: Study, levels: Sequence[LevelForecast] | None = None) -> int:
-    """Rough size of the result file, the most to expect where an estimate decides about meshes.
+    """Return the rough size of the result file, its largest where an estimate decides about meshes.
 
     levels: sizes of those that are known, None to predict them
     """
     if study.variants:
-        own = [one.study for one in study.variants if one.study is not None]
-        shared = schema.shared_bytes(own[0], [(0, 0)] * study.mesh.levels)
-        options = sum(len("\n".join(one.overrides).encode()) for one in own)
-        return shared + options + sum(expected_bytes(one) - shared for one in own)
+        return _bytes_of_geometries(study)
     try:
-        levels = predicted(study) if levels is None else levels
-    except GeometryFailed:  # which is said elsewhere
+        levels = predicted_sizes(study) if levels is None else levels
+    except GeometryFailed:  # which is reported elsewhere
         levels = ()
     if study.history is not None:
         from tcstudy.data.tables import history_variables
 
-        sizes = {"step": study.history.steps + 1, "node": study.history.of(levels).n_contact}
-        return schema.expected_bytes(study, ()) + schema.bytes_of(
-            study, history_variables(study), sizes
-        )
-    return schema.expected_bytes(
-        study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)]
-    )
+        n_contact = study.history.of(levels).n_contact
+        sizes = {"step": study.history.steps + 1, "node": n_contact}
+        variables = history_variables(study)
+        return schema.expected_bytes(study, ()) + schema.bytes_of(study, variables, sizes)
+    counts = [(level.n_contact, level.nodes) for level in with_refinement(levels, study.mesh)]
+    return schema.expected_bytes(study, counts)
 
 
-# -- who does it
-# ------------------------------------------------------------------------------------
+def _bytes_of_geometries(study: Study) -> int:
+    """Return the size of the file of a sweep over geometries."""
+    geometries = [variant.study for variant in study.variants if variant.study is not None]
+    shared = schema.shared_bytes(geometries[0], [(0, 0)] * study.mesh.levels)
+    total = shared
+    for geometry in geometries:
+        options = "\n".join(geometry.overrides).encode()
+        total += len(options) + expected_bytes(geometry) - shared
+    return total
+
+
+# -- who does the work
 
 T = TypeVar("T")
 BlockExecutor = Callable[[Study, int], SerialExecutor]
 """(study, contact unknowns of a level) → who solves its blocks."""
-WORTH = 2.0
-"""Seconds of work from which a worker is worth its start, of about half a second."""
-SHARE = 0.5
-"""Of the memory of this machine, for workers with a geometry or a history each."""
-SLOW = 50.0
-"""How many times the forecast a worker may take before it counts as hanging."""
+MIN_SECONDS_PER_WORKER = 2.0
+"""Work from which a worker is worth its start, which takes about half a second."""
+MEMORY_SHARE = 0.5
+"""Share of the memory of this machine for workers that have a geometry or a history each."""
+MAX_DELAY = 50.0
+"""Multiple of the forecast that a worker may take before it counts as hanging."""
 
 
-def paying(seconds: float, jobs: int | None, start: float = 0.0) -> int:
-    """Worker processes for work of so many seconds; 1 means that this process does it itself.
-    jobs: as the user asks, None for as many as pay;  start: seconds that each needs before it works"""
+def worker_count(seconds: float, jobs: int | None, start: float = 0.0) -> int:
+    """Return the number of worker processes for work; 1: this process does it itself.
+
+    seconds: of the work;  jobs: as the user asks, None for as many as pay
+    start:   seconds that each worker needs before it works
+    """
     if os.name != "posix":
         return 1
     if jobs is not None:
         return jobs
-    worth = int(seconds / (WORTH + start))
+    worth = int(seconds / (MIN_SECONDS_PER_WORKER + start))
     return min(available(), worth) if worth > 1 else 1
 
 
-def for_blocks(study: Study, m: int, jobs: int | None = None) -> int:
-    """The same for a level with m contact unknowns; points that are not solved in blocks leave
-    workers nothing."""
-    return paying(contact_seconds(study, m), jobs) if study.solver.in_blocks else 1
+def block_workers(study: Study, m: int, jobs: int | None = None) -> int:
+    """Return the number of workers for the blocks of a level with m contact unknowns.
+
+    Points that are not solved in blocks leave workers nothing.
+    """
+    if not study.solver.in_blocks:
+        return 1
+    return worker_count(contact_seconds(study, m), jobs)
 
 
-def for_calls(calls: Sequence[Resources], jobs: int | None, start: float = 0.0) -> int:
-    """The same for calls, no more than this machine has the memory for unless the user asks."""
+def call_workers(calls: Sequence[Resources], jobs: int | None, start: float = 0.0) -> int:
+    """Return the number of workers for calls.
+
+    Unless the user asks for them, there are no more than this machine has the memory for.
+    """
     if not calls:
         return 1
-    memory = max(one.memory for one in calls)
-    most = len(calls) if jobs is not None else max(1, int(SHARE * _memory() / memory))
-    return max(1, min(len(calls), paying(sum(one.seconds for one in calls), jobs, start), most))
+    count = worker_count(sum(call.seconds for call in calls), jobs, start)
+    if jobs is None and count > 1:
+        memory = max(call.memory for call in calls)
+        count = min(count, max(1, int(MEMORY_SHARE * _memory() / memory)))
+    return max(1, min(len(calls), count))
 
 
 def _memory() -> float:
-    """Of this machine [byte]."""
-    return (
-        float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
-        if hasattr(os, "sysconf")
-        else np.inf
-    )
+    """Return the memory of this machine [byte]."""
+    if not hasattr(os, "sysconf"):
+        return math.inf
+    return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
 
 
 class WorkerPool:
-    """Those who work in a run and end with it."""
+    """The workers of a run, which end with it."""
 
     def __init__(self, jobs: int | None = None, dask: str | None = None) -> None:
-        """jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers do it"""
-        self.jobs, self.dask = jobs, dask
+        """Start no worker yet.
+
+        jobs: worker processes, None for as many as pay
+        dask: address of a scheduler whose workers do the work
+        """
+        self.jobs = jobs
+        self.dask = dask
         self._cluster: PackedExecutor | None = None
         self._pool: ProcessExecutor | None = None
 
     def ready(self, study: Study) -> WorkerPool:
-        """The same, connected to the scheduler, or with workers of this machine where the levels
-        promise to pay.
+        """Return the pool itself, connected to the scheduler, or with workers started if they pay.
 
-        These take as long to start as what a run has to do, and to import, before its first block.
+        Workers start while a run does what comes before its first block, and imports take as long.
         Raises WorkersFailed if the scheduler does not answer.
         """
         if self.dask is not None:
@@ -305,27 +362,32 @@ class WorkerPool:
 
             self._cluster = self._cluster or DaskExecutor(self.dask, self.jobs)
         elif self._pool is None:
-            count = 1
-            if study.variants or study.history is not None:
-                count = min(self.jobs or 1, len(study.variants) or len(study.scenes))
-            elif study.scenes[0].body.brep is None:  # which only the kernel can measure
-                count = max(for_blocks(study, one.n_contact, self.jobs) for one in predicted(study))
+            count = self._expected_workers(study)
             if count > 1:
                 self._pool = ProcessExecutor(count).warm()
         return self
 
-    def blocks(self, study: Study, m: int) -> SerialExecutor:
-        """Who solves the blocks of a level with m contact unknowns."""
+    def _expected_workers(self, study: Study) -> int:
+        if study.variants or study.history is not None:
+            return min(self.jobs or 1, len(study.variants) or len(study.scenes))
+        if study.scenes[0].body.brep is not None:  # which only the kernel can measure
+            return 1
+        levels = predicted_sizes(study)
+        return max(block_workers(study, level.n_contact, self.jobs) for level in levels)
+
+    def executor_of_blocks(self, study: Study, m: int) -> SerialExecutor:
+        """Return who solves the blocks of a level with m contact unknowns."""
         if self._cluster is not None:
             return self._cluster if study.solver.in_blocks else SerialExecutor()
-        return self._of(for_blocks(study, m, self.jobs))
+        return self._of(block_workers(study, m, self.jobs))
 
-    def whole(self, calls: Sequence[Resources], start: float = 0.0) -> SerialExecutor | None:
-        """Who does calls that take so much, after `start` seconds; None where this process does
-        without."""
+    def executor_of_calls(
+        self, calls: Sequence[Resources], start: float = 0.0
+    ) -> SerialExecutor | None:
+        """Return who does calls, which begin after `start` seconds; None for this process."""
         if self._cluster is not None:
             return self._cluster if len(calls) > 1 else None
-        count = for_calls(calls, self.jobs, start)
+        count = call_workers(calls, self.jobs, start)
         return self._of(count) if count > 1 else None
 
     def close(self) -> None:
@@ -333,7 +395,8 @@ class WorkerPool:
         for executor in (self._pool, self._cluster):
             if executor is not None:
                 executor.shutdown()
-        self._pool = self._cluster = None
+        self._pool = None
+        self._cluster = None
 
     def _of(self, count: int) -> SerialExecutor:
         if count <= 1:
@@ -346,31 +409,31 @@ def submit(
     executor: SerialExecutor,
     function: Callable[..., T],
     study: Study,
-    *given: object,
+    *arguments: object,
     name: str,
     seconds: float = 0.0,
 ) -> Future[T]:
-    """Have function(study, *given) done by a worker anywhere; the file of a body, if any, travels
-    as its content.
+    """Submit function(study, *arguments) to a worker anywhere.
 
-    seconds: that it is expected to take
+    The file of a body, if any, travels as its content.
+    seconds: that the call is expected to take
     """
     brep = study.scenes[0].body.brep
     content = brep.path.read_bytes() if brep is not None else None
-    job = Job(_with_file, name, max(TIMEOUT, SLOW * seconds))
-    return executor.submit(job, content, function, study, *given)
+    job = Job(_with_file, name, max(TIMEOUT, MAX_DELAY * seconds))
+    return executor.submit(job, content, function, study, *arguments)
 
 
 def _with_file(
-    content: bytes | None, function: Callable[..., T], study: Study, *given: object
+    content: bytes | None, function: Callable[..., T], study: Study, *arguments: object
 ) -> T:
-    """Call it with a study whose body is read from the content of its file, if it has one."""
+    """Call a function with a study whose body is read from the content of its file, if any."""
     if content is None:
-        return function(study, *given)
+        return function(study, *arguments)
     with TemporaryDirectory(prefix="tcstudy-") as folder:
         body = study.scenes[0].body
         assert body.brep is not None
         path = Path(folder, body.brep.path.name)
         path.write_bytes(content)
-        own = replace(body, brep=replace(body.brep, path=path))
-        return function(replace(study, scenes=Scenes.of(study.scenes).on(own)), *given)
+        copy = replace(body, brep=replace(body.brep, path=path))
+        return function(replace(study, scenes=Scenes.of(study.scenes).on(copy)), *arguments)

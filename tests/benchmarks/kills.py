@@ -40,7 +40,7 @@ from tcstudy.errors import UserFault
 from tcstudy.read.study import read_study
 from tcstudy.study import level_solver
 from tcstudy.study.run import execute
-level_solver.POINTS = 2
+level_solver.MAX_POINTS = 2
 class Slow:
     def begin(self, *_): print("begun", flush=True)
     def level(self, *_): ...

@@ -99,7 +99,7 @@ def machines(tmp_path: Path) -> Iterator[Machines]:
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(level_solver, "POINTS", 2)
+    monkeypatch.setattr(level_solver, "MAX_POINTS", 2)
 
 
 def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(

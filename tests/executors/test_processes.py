@@ -36,7 +36,7 @@ ARRAYS = ("points", "status", "u_T", "xi", "sticks")
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(level_solver, "POINTS", 2)
+    monkeypatch.setattr(level_solver, "MAX_POINTS", 2)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the back
 from tcstudy.read.study import read_study
 from tcstudy.study import level_solver, workers
 from tcstudy.study.run import execute
-level_solver.POINTS = 2
+level_solver.MAX_POINTS = 2
 workers.ProcessExecutor = partial(workers.ProcessExecutor, command=tuple(sys.argv[3:]))
 class Watch:
     def begin(self, work): ...

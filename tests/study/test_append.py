@@ -143,7 +143,7 @@ def test_a_run_solves_again_what_broke_down(
     assert set(old["reason"].sel(tau=0.02).values.ravel()) == {"ArithmeticError: made to fail"}
     assert np.isnan(old["energy"].sel(tau=0.02)).all()
     before = output.read_bytes()
-    monkeypatch.setattr(level_solver, "POINTS", 1)
+    monkeypatch.setattr(level_solver, "MAX_POINTS", 1)
     with monkeypatch.context() as patch:
         Counted(patch, most=2)
         with pytest.raises(KeyboardInterrupt):

@@ -21,7 +21,13 @@ from tcstudy.scene.study import Study
 from tcstudy.study import plan as plan_module
 from tcstudy.study import workers as workers_module
 from tcstudy.study.plan import plan, resources
-from tcstudy.study.workers import MEMORY, START, predicted, refined, sizes
+from tcstudy.study.workers import (
+    PROGRAM_BYTES,
+    START_SECONDS,
+    counted_sizes,
+    predicted_sizes,
+    with_refinement,
+)
 from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
@@ -174,9 +180,9 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
     sweep, asked = "sweep={nu: [0.2, 0.3], friction.tau: {linspace: [0.01, 0.1, 200]}}", list[int]()
     study = study_of(RECTANGLE, sweep, "mesh={maxh: 0.1, levels: 3}")
 
-    def timed(few: Study, many: Study) -> tuple[int, int, float, float]:
+    def timed(few: Study, many: Study) -> plan_module.Trial:
         asked.extend((len(few.scenes), len(many.scenes)))
-        return 1000, 20, 0.05, 1e-3
+        return plan_module.Trial(1000, 20, 0.05, 1e-3)
 
     monkeypatch.setattr(plan_module, "_timed", timed)
     found = plan(study)
@@ -184,7 +190,9 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
         1e-3 * (0.08e-3 + 2.6e-6 * v.n_contact) / (0.08e-3 + 2.6e-6 * 20) + 6e-5
         for v in found.levels
     ]
-    expected = START + sum(0.05 * (v.n_dof / 1000) ** 1.08 for v in found.levels) + 392 * sum(each)
+    expected = (
+        START_SECONDS + sum(0.05 * (v.n_dof / 1000) ** 1.08 for v in found.levels) + 392 * sum(each)
+    )
     assert resources(study, found).seconds == pytest.approx(expected)
     assert asked == [plan_module.FEW, plan_module.MANY]
 
@@ -212,7 +220,7 @@ def test_what_no_trial_tells_is_unknown(
     spent = resources(study, plan(study))
     assert math.isnan(spent.seconds)
     assert why in spent.unknown
-    assert spent.memory > MEMORY
+    assert spent.memory > PROGRAM_BYTES
 
 
 def test_of_many_geometries_one_mesh_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -258,7 +266,7 @@ def of_run(study: Study) -> list[tuple[int, int, int]]:
 
 
 def said(study: Study) -> list[tuple[int, int, int]]:
-    return [(v.nodes, v.n_dof, v.n_contact) for v in sizes(study)]
+    return [(v.nodes, v.n_dof, v.n_contact) for v in counted_sizes(study)]
 
 
 @pytest.mark.parametrize(
@@ -273,7 +281,7 @@ def said(study: Study) -> list[tuple[int, int, int]]:
 )
 def test_counted_sizes_are_those_of_the_run(study: Study) -> None:
     assert said(study) == of_run(study)
-    assert all(v.exact for v in sizes(study))
+    assert all(v.exact for v in counted_sizes(study))
 
 
 @pytest.mark.parametrize(
@@ -283,8 +291,8 @@ def test_large_meshes_are_predicted_from_the_last_small_one(
     monkeypatch: pytest.MonkeyPatch, mesh: str
 ) -> None:
     study = study_of(STRIPS, f"mesh={mesh}")
-    monkeypatch.setattr(workers_module, "MOST_NODES", 250)
-    assert [v.exact for v in sizes(study)] == [True, False, False]
+    monkeypatch.setattr(workers_module, "MAX_COUNTED_NODES", 250)
+    assert [v.exact for v in counted_sizes(study)] == [True, False, False]
     for (nodes, n_dof, m), real in zip(said(study), of_run(study), strict=True):
         assert (nodes, n_dof) == pytest.approx(real[:2], rel=0.2)
         assert m == pytest.approx(real[2], rel=0.3)
@@ -293,8 +301,8 @@ def test_large_meshes_are_predicted_from_the_last_small_one(
 def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(meshes, "mesh_at", None)
     study = study_of(RECTANGLE, "mesh={maxh: 0.005, levels: 2}")
-    assert sizes(study) == predicted(study)
-    assert not any(v.exact for v in sizes(study))
+    assert counted_sizes(study) == predicted_sizes(study)
+    assert not any(v.exact for v in counted_sizes(study))
 
 
 def fail_at(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
@@ -316,9 +324,9 @@ def test_a_mesh_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         with monkeypatch.context() as patch:
             fail_at(patch, bad)
             with pytest.raises(GeometryFailed, match="gave up"):
-                sizes(study)
+                counted_sizes(study)
     fail_at(monkeypatch, 1)
-    assert [v.exact for v in sizes(listed)] == [True, False, True]
+    assert [v.exact for v in counted_sizes(listed)] == [True, False, True]
     tree = tcstudy.run(listed, tmp_path / "out.nc")
     assert tree["status"].values.tolist() == [1, int(PointStatus.MESH_FAILED), 1]
     assert (tree["reason"].values[1], np.isnan(tree["energy"].values[1])) == (
@@ -331,11 +339,11 @@ def test_meshes_after_the_known_ones_are_bounded() -> None:
     study = study_of(
         RECTANGLE, "mesh={maxh: 0.5, tolerance: 1e-3, of: friction_resultant, max_dofs: 10000}"
     )
-    n_dofs = [v.n_dof for v in refined(sizes(study), study.mesh)]
+    n_dofs = [v.n_dof for v in with_refinement(counted_sizes(study), study.mesh)]
     assert n_dofs[-1] == pytest.approx(10000, rel=0.01)
     assert n_dofs[1] == pytest.approx(2 * n_dofs[0])
     few = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 3, family: adaptive}")
-    assert len(refined(sizes(few), few.mesh)) == 3
-    assert refined(sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh) == sizes(
-        study_of(RECTANGLE)
-    )
+    assert len(with_refinement(counted_sizes(few), few.mesh)) == 3
+    assert with_refinement(
+        counted_sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh
+    ) == counted_sizes(study_of(RECTANGLE))

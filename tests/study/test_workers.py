@@ -49,7 +49,7 @@ def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 @pytest.mark.usefixtures("four_processors")
 def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, expected: int) -> None:
-    assert who.for_blocks(study_of(RECTANGLE, *changes), 200, asked) == expected
+    assert who.block_workers(study_of(RECTANGLE, *changes), 200, asked) == expected
 
 
 @pytest.mark.usefixtures("four_processors")
@@ -57,12 +57,12 @@ def test_whole_calls_get_the_workers_that_pay_and_have_memory(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     each = [Resources(5.0, 1e9)] * 10
-    assert who.for_calls(each, None) == 4
-    assert who.for_calls(each, None, start=20.0) == 2
-    assert who.for_calls(each[:1], None) == who.for_calls([], 8) == 1
+    assert who.call_workers(each, None) == 4
+    assert who.call_workers(each, None, start=20.0) == 2
+    assert who.call_workers(each[:1], None) == who.call_workers([], 8) == 1
     monkeypatch.setattr(who, "_memory", lambda: 7e9)
-    assert who.for_calls(each, None) == 3
-    assert who.for_calls(each, 6) == 6
+    assert who.call_workers(each, None) == 3
+    assert who.call_workers(each, 6) == 6
 
 
 BARS = """
@@ -161,7 +161,7 @@ def test_a_long_history_is_not_taken_for_one_that_hangs(
             allowed.append(call.timeout)
             raise WorkersFailed("asked")
 
-    monkeypatch.setattr(who.WorkerPool, "whole", lambda *_: Asked())
+    monkeypatch.setattr(who.WorkerPool, "executor_of_calls", lambda *_: Asked())
     steps = "history={memory: friction, steps: [{f_x: 0.1, in: 50000}]}"
     for number in ("50000", "5"):
         study = study_of(RECTANGLE, steps.replace("50000", number), "loads.f=[0, 0]")
