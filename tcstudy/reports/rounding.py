@@ -1,5 +1,4 @@
-"""Sizes below which a shown number is rounding: it is no data, and tables, pictures and the page
-show 0.
+"""Sizes below which a number is rounding, so that tables, pictures and the page show 0.
 
 Only what is shown is changed. Files, CSV and exports keep the numbers as they were computed.
 
@@ -40,8 +39,8 @@ Array = NDArray[np.float64]
 
 SHARE = 1e-9
 """Part of the scale of a quantity below which its values are rounding."""
-ARC_POINTS = 24
-"""Points of an arc whose length is measured."""
+SEGMENTS_OF_ARC = 24
+"""Straight segments by which the length of an arc is measured."""
 
 KINDS = {
     "traction": re.compile(r"xi|shear_max"),
@@ -58,9 +57,11 @@ SAME_KIND = {"resultant": "force"}
 
 
 def kind_of_quantity(name: str) -> str:
-    """Return the kind of a variable by its name in the file, "" for one that is shown as it is."""
-    kinds = (kind for kind, names in KINDS.items() if names.fullmatch(name))
-    return next(kinds, "")
+    """Return the kind of a variable by its name in the file; "" for one without a kind."""
+    for kind, names in KINDS.items():
+        if names.fullmatch(name):
+            return kind
+    return ""
 
 
 def cleared(values: ArrayLike, floor: ArrayLike) -> Array:
@@ -71,12 +72,12 @@ def cleared(values: ArrayLike, floor: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class SceneScale:
-    """What the study says of the scales of one point [units of the file].
+    """Scales of one point that follow from the study [units of the file].
 
     law:         largest |b| of its friction laws, 0 where they have no scale of their own
     frictionless: every law is b = 0, so that a traction is nothing but rounding
-    length:      of the contact line, NaN where the study does not know it (bodies from files)
-    temperature: largest that an edge, the ambient or heat input can make, NaN for expressions
+    length:      of the contact line, NaN where the study does not have it (bodies from files)
+    temperature: largest that an edge, the ambient or heat input can cause, NaN for expressions
     """
 
     law: float
@@ -103,30 +104,35 @@ def _contact_length(scene: Scene) -> float:
     edges = [edge for edge in scene.body.edges if edge.name in contact]
     if not edges:
         return float("nan")
-    lines = [edge_points(edge, 1 if edge.through is None else ARC_POINTS) for edge in edges]
-    return sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in lines)
+    length = 0.0
+    for edge in edges:
+        is_straight = edge.through is None
+        points = edge_points(edge, 1 if is_straight else SEGMENTS_OF_ARC)
+        length += float(np.hypot(*np.diff(points, axis=0).T).sum())
+    return length
 
 
 def _temperature(scene: Scene) -> float:
     heat = scene.heat
     if heat.theta is not None:
         return _largest([heat.theta])
-    given = [heat.theta_bar]
-    given += [theta_bar for _, _, theta_bar in scene.exchange]
-    given += [theta for _, theta in scene.held_theta]
+    temperatures = [heat.theta_bar]
+    temperatures += [theta_bar for _, _, theta_bar in scene.exchange]
+    temperatures += [theta for _, theta in scene.held_theta]
     ends = np.array([edge.end for edge in scene.body.edges])
     if scene.material.k and len(ends):
         extent = float(np.hypot(*np.ptp(ends, axis=0)))
         per_flux = extent / scene.material.k
-        inputs = [*(flux for _, flux in scene.flux)]
-        return _largest(given) + per_flux * (_largest(inputs) + extent * _largest([heat.q]))
-    return _largest(given)
+        fluxes = [flux for _, flux in scene.flux]
+        flux_scale = _largest(fluxes) + extent * _largest([heat.q])
+        return _largest(temperatures) + per_flux * flux_scale
+    return _largest(temperatures)
 
 
 def _largest(scalars: Iterable[Any]) -> float:
     """Return the largest magnitude, NaN where one of them is an expression in x and y."""
-    numbers = [abs(one) if isinstance(one, int | float) else np.nan for one in scalars]
-    return float(np.max(numbers, initial=0.0))
+    magnitudes = [abs(scalar) if isinstance(scalar, int | float) else np.nan for scalar in scalars]
+    return float(np.max(magnitudes, initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -136,84 +142,90 @@ class Floors:
     by_kind: Mapping[str, Array]
 
     def of_points(self, places: NDArray[np.intp]) -> Floors:
-        """Return the sizes of some points."""
+        """Return the floors of some points, by their indices."""
         return Floors({kind: sizes[places] for kind, sizes in self.by_kind.items()})
 
     def cleared(self, name: str, values: ArrayLike, level: int, place: Any = slice(None)) -> Array:
-        """Return values (p, …) of a variable on one level without rounding.
+        """Return values (p, …) of a variable on one level, with 0 in place of rounding.
 
-        place: the points that they belong to, by default all
+        place: indices of the p points, by default all
         """
         values = np.asarray(values)
         floor = self.by_kind.get(kind_of_quantity(name))
         if floor is None:
             return values
-        own = np.asarray(floor[place, level])
-        return cleared(values, own.reshape(own.shape + (1,) * (values.ndim - own.ndim)))
+        floor = np.asarray(floor[place, level])
+        trailing = (1,) * (values.ndim - floor.ndim)
+        return cleared(values, floor.reshape(floor.shape + trailing))
 
 
 def stored_study(about: Mapping[str, Any], swept: bool = True) -> Study | None:
-    """Return the study of a result file, or of one of its geometries, by its global attributes;
-    None if its text cannot be read, as one of another version may be. The file of a body is not
+    """Return the study of a result file, or of one of its geometries, by its global attributes.
+
+    None if its text cannot be read, as that of another version may be. The file of a body is not
     needed.
 
-    swept: with its points, of which each costs half a millisecond; else the one scene outside the
-    sweep
+    swept: with its points, each of which takes half a millisecond; else the scene outside the sweep
     """
-    text, overrides = str(about.get("study_yaml", "")), str(about.get("overrides", ""))
-    told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
+    text = str(about.get("study_yaml", ""))
+    overrides = [line for line in str(about.get("overrides", "")).split("\n") if line]
+    if not swept:
+        overrides.append("sweep=null")
     try:
-        return read_study_text(text, "study", told, with_files=False)
+        return read_study_text(text, "study", overrides, with_files=False)
     except (StudyError, OSError):
         return None
 
 
-MOST_SCENES = 2_000
-"""Points whose own scenes a summary reads, 0.1 ms each; of more, the scene outside the sweep gives
-the scales."""
+MAX_SCENES = 2_000
+"""Points whose scenes a summary reads, 0.1 ms each; of more, the scene outside the sweep is read."""
 
 
 def floors_of(data: Any) -> Floors:
     """Return the sizes below which the numbers of a run's root dataset are rounding.
 
-    Of several geometries each takes 4 ms to read; their laws and loads have the scales of the scene
-    outside the sweep, their contact lines those of their meshes.
+    Each of several geometries would take 4 ms to read. Their laws and loads have the scales of the
+    scene outside the sweep, their contact lines the lengths of their meshes.
     """
     several = GEOMETRIES in data.attrs
-    swept = not several and data["status"].isel(level=0).size <= MOST_SCENES
+    swept = not several and data["status"].isel(level=0).size <= MAX_SCENES
     study = stored_study(data.attrs, swept)
     return floors(data, study, usual_lengths=several)
 
 
 def floors(data: Any, study: Study | None, usual_lengths: bool = False) -> Floors:
-    """Return the floors of a run's root dataset, whose study this is, None if it cannot be read.
+    """Return the floors of the root dataset of a run; study: None if it cannot be read.
 
-    usual_lengths: whether contact lines have the lengths that their meshes tell, not the study
+    usual_lengths: take the lengths of contact lines from their meshes, not from the study
     """
     data = of_largest(data)
     solved = by_point(data["status"], data) == int(PointStatus.OK)
 
-    def flat(name: str, unknown: float = np.nan) -> Array:
+    def by_level(name: str) -> Array:
+        """Return (P, levels) values of a variable, NaN if the file does not have it."""
         if name not in data:
-            return np.full(solved.shape, unknown)
-        own = np.asarray(by_point(data[name], data), dtype=float)
-        return np.broadcast_to(own if own.ndim > 1 else own[:, None], solved.shape)
+            return np.full(solved.shape, np.nan)
+        values = np.asarray(by_point(data[name], data), dtype=float)
+        if values.ndim == 1:
+            values = values[:, None]
+        return np.broadcast_to(values, solved.shape)
 
     scales = _scales(study, len(solved))
     largest = {kind: np.zeros(solved.shape) for kind in KINDS}
     for name, kind in _quantities(data):
-        sizes = np.abs(np.nan_to_num(flat(name)))
+        sizes = np.abs(np.nan_to_num(by_level(name)))
         kind = SAME_KIND.get(kind, kind)
         largest[kind] = np.maximum(largest[kind], sizes)
+
     law = np.where(scales["law"] > 0.0, scales["law"], largest["traction"])
-    rounding = np.nan_to_num(flat("inclusion_rounding"))
+    rounding = np.nan_to_num(by_level("inclusion_rounding"))
     nodes = np.maximum(data["n_contact"].values, 1)
     load = rounding / (np.sqrt(nodes) * np.finfo(float).eps)
     traction = law * np.maximum(rounding, SHARE * np.minimum(load, 1.0))
     usual_length = data["h_max"].values * nodes
-    known = np.isfinite(scales["length"]) & (not usual_lengths)
-    length = np.where(known, scales["length"], usual_length)
-    lambda_1 = flat("lambda_1")
+    has_length = np.isfinite(scales["length"]) & (not usual_lengths)
+    length = np.where(has_length, scales["length"], usual_length)
+    lambda_1 = by_level("lambda_1")
     softest = np.where(lambda_1 > 0.0, lambda_1, np.inf)
     force = traction * length
     frictionless = scales["frictionless"] > 0.0
@@ -230,7 +242,7 @@ def floors(data: Any, study: Study | None, usual_lengths: bool = False) -> Floor
 
 
 def _quantities(data: Any) -> Iterator[tuple[str, str]]:
-    """Yield the numbers by point and level that have a kind, with it."""
+    """Yield (name, kind) of the numbers by point and level that have a kind."""
     dims = set(data["status"].dims)
     for name in data.data_vars:
         kind = kind_of_quantity(str(name))
@@ -240,15 +252,16 @@ def _quantities(data: Any) -> Iterator[tuple[str, str]]:
 
 def _scales(study: Study | None, points: int) -> dict[str, Array]:
     """Return the fields of `SceneScale` of every point as (P, 1) arrays, or those of one scene."""
-    scales, which = [UNKNOWN], np.zeros(1, dtype=np.intp)
+    scales, scale_of_point = [UNKNOWN], np.zeros(1, dtype=np.intp)
     if study is not None:
-        scenes, of_point = combinations(
+        scenes, scene_of_point = combinations(
             study.scenes, "body", "boundary", "material", "heat", "friction"
         )
         scales = [SceneScale.of(scene) for scene in scenes]
-        which = of_point if len(of_point) == points else which
+        if len(scene_of_point) == points:
+            scale_of_point = scene_of_point
     names = ("law", "frictionless", "length", "temperature")
-    return {name: _column(scales, name)[which] for name in names}
+    return {name: _column(scales, name)[scale_of_point] for name in names}
 
 
 def _column(scales: Sequence[SceneScale], name: str) -> Array:

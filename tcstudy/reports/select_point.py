@@ -25,25 +25,26 @@ if TYPE_CHECKING:
     import xarray
 
 Value = float | int | str | Sequence[float | int | str]
+"""What a user writes for a label: a number, a text or a quantity ("20 K"), or a pair of them."""
 
-CLOSE = 1e-3
-"""Relative distance at which a number is taken for a label: what tables print has four digits."""
+MAX_DISTANCE = 1e-3
+"""Relative distance up to which a number means a label; tables print four digits of labels."""
 
 
 def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
-    """Index along each sweep dimension of the point with the given labels.
+    """Return the index along each sweep dimension of the point with the given labels.
 
-    point: value by name of the swept parameter or by its key path ("alpha" or "heat.alpha"); a text
-    may be a label, a
-           number or a quantity ("20 K"), a list stands for the pair that the study has. A parameter
-           that is left out
-           has its first value (in list mode, the first point that fits is taken).
+    point: label by name of the swept parameter or by its key path ("alpha" or "heat.alpha"). A
+           parameter that is left out has its first value; of a list of points, the first one that
+           fits is taken.
 
-    Raises DrawError for an unknown name, or a value or combination that there is not.
+    Raises DrawError for an unknown name, and where no point has the value or the combination.
     """
     fits, dims = matching(data, point or {}), sweep_dims(data)
-    first = np.unravel_index(int(np.argmax(fits)), [data.sizes[d] for d in dims]) if dims else ()
-    return {d: int(i) for d, i in zip(dims, first, strict=True)}
+    if not dims:
+        return {}
+    first = np.unravel_index(int(np.argmax(fits)), [data.sizes[dim] for dim in dims])
+    return {dim: int(i) for dim, i in zip(dims, first, strict=True)}
 
 
 def sweep_point(study: Study, labels: Mapping[str, Value] | None) -> tuple[tuple[int, ...], str]:
@@ -57,64 +58,79 @@ def sweep_point(study: Study, labels: Mapping[str, Value] | None) -> tuple[tuple
 
 
 def of_largest_slip(data: Any) -> dict[str, int]:
-    """Index along each sweep dimension of the point that the verdict names: that of the largest
-    slip, on the finest level or in any step; of the first one where no point is solved."""
+    """Return the index along each sweep dimension of the point with the largest slip.
+
+    It is the point that the verdict names: on the finest level, or in any step. It is the first
+    point where none is solved.
+    """
     dims = sweep_dims(data)
     slip = data["u_T_max"].where(data["status"] == int(PointStatus.OK))
     if "level" in slip.dims:
         slip = slip.isel(level=-1)
-    slips = slip.max([d for d in slip.dims if d not in dims]).transpose(*dims).values
+    slips = slip.max([dim for dim in slip.dims if dim not in dims]).transpose(*dims).values
     if not np.isfinite(slips).any():
         return dict.fromkeys(dims, 0)
     return dict(zip(dims, first_largest(slips), strict=True))
 
 
 def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
-    """(points,) those that have all the given labels, in the order of the file. Raises DrawError as
-    `locate`."""
-    wanted, dims = _by_name(data, point), sweep_dims(data)
-    found = {name: _fits(name, data[name], value) for name, value in wanted.items()}
-    fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
-    for name, fit in found.items():
-        fits &= fit.reshape([-1 if d == str(data[name].dims[0]) else 1 for d in dims])
+    """Return (P,) which points, in the order of the file, have all the given labels.
+
+    Raises DrawError as `locate`.
+    """
+    values, dims = _by_name(data, point), sweep_dims(data)
+    fits = np.ones([int(data.sizes[dim]) for dim in dims], dtype=bool)
+    fits_one = dict[str, NDArray[np.bool_]]()
+    for name, value in values.items():
+        fits_one[name] = _fits(name, data[name], value)
+        shape = [-1 if dim == str(data[name].dims[0]) else 1 for dim in dims]
+        fits &= fits_one[name].reshape(shape)
     if not fits.any():
-        given = " and ".join(f"{name} = {value}" for name, value in wanted.items())
-        one = next(iter(found))
-        near = "; ".join(describe(data, {dims[0]: int(i)}) for i in np.flatnonzero(found[one])[:3])
-        raise DrawError(f"no point has {given} together; with that {one} there are: {near}")
+        labels = " and ".join(f"{name} = {value}" for name, value in values.items())
+        name, fit = next(iter(fits_one.items()))
+        examples = [describe(data, {dims[0]: int(i)}) for i in np.flatnonzero(fit)[:3]]
+        near = f"with that {name} there are: {'; '.join(examples)}"
+        raise DrawError(f"no point has {labels} together; {near}")
     return fits.ravel()
 
 
 def chosen_geometry(data: Any, wanted: NDArray[np.bool_], file: str, option: str = "") -> int:
-    """Return the number of the geometry of the wanted points, 0 in a file of one body, −1 for a
-    geometry without a mesh.
+    """Return the number of the geometry of the wanted points (P,).
+
+    0 in a file of one body, −1 for a geometry without a mesh.
 
     file, option: how a message, and a label in it, begins
     Raises UsageError where these points are of several geometries.
     """
     if GEOMETRIES not in data.attrs:
         return 0
-    numbers = data["geometry"].values
-    chosen = np.unique(numbers.ravel()[wanted])
+    geometries = data["geometry"].values
+    chosen = np.unique(geometries.ravel()[wanted])
     if len(chosen) == 1:
         return int(chosen[0])
-    place = int(np.argmax(wanted & (numbers.ravel() >= 0)))
-    dims = data["geometry"].dims
-    makes = {d for i, d in enumerate(dims) if (numbers != numbers.take([0], axis=i)).any()}
+
+    # an example: the labels of one of the points, of the parameters that change the geometry
+    place = int(np.argmax(wanted & (geometries.ravel() >= 0)))
+    changing = set[str]()
+    for axis, dim in enumerate(data["geometry"].dims):
+        if (geometries != geometries.take([0], axis=axis)).any():
+            changing.add(dim)
     example = list[str]()
     for name, labels in labels_by_point(data).items():
-        if data[name].dims[0] in makes:
+        if data[name].dims[0] in changing:
             label = labels[place]
-            example.append(f"{option}{name}={label if isinstance(label, str) else f'{label:.6g}'}")
+            text = label if isinstance(label, str) else f"{label:.6g}"
+            example.append(f"{option}{name}={text}")
     raise UsageError(
-        f"{file}: the points asked for are of {len(chosen)} geometries, and this takes one; name it, "
-        f"for example {' '.join(example)}"
+        f"{file}: the requested points are of {len(chosen)} geometries, and this takes one; "
+        f"name it, for example {' '.join(example)}"
     )
 
 
 def load_geometry(path: Path, point: Mapping[str, Value], level: int) -> xarray.Dataset:
-    """Return what `tcstudy.open_geometry` does."""
-    if (kind := kind_of(path)) != "run":
+    """Return the geometry of a point on a level, as `tcstudy.open_geometry` does."""
+    kind = kind_of(path)
+    if kind != "run":
         raise UsageError(f"{path} is a file of tcstudy {kind}; name that of a run")
     with reading(path):
         with open_root(path) as data:
@@ -123,24 +139,32 @@ def load_geometry(path: Path, point: Mapping[str, Value], level: int) -> xarray.
         with unmasked(path) as nc:
             body = StoredBody.of(nc, geometry) if geometry >= 0 else None
             if body is None or number not in body.levels:
-                what = f"{path} has no mesh of level {number} of this geometry"
-                raise DrawError(f"{what}; see the reasons with: tcstudy show")
-            return body.dataset(number).assign_coords(body.coordinates()).assign_attrs(body.about)
+                lack = f"{path} has no mesh of level {number} of this geometry"
+                raise DrawError(f"{lack}; see the reasons with: tcstudy show")
+            dataset = body.dataset(number)
+            return dataset.assign_coords(body.coordinates()).assign_attrs(body.about)
 
 
-def parameter(data: Any, given: str) -> str:
-    """The name that a swept parameter has in the data, by that name, its key path or an end of it
-    that is no other's; raises DrawError.
+def parameter(data: Any, key: str) -> str:
+    """Return the name in the data of a swept parameter.
+
+    key: this name, its key path, or an end of the path that no other parameter has
+    Raises DrawError if there is none.
     """
     names = axis_names(data)
-    if given in names:
-        return given
-    ends = [name for name in names if given in _ends(str(data[name].attrs.get("long_name", "")))]
-    if len(ends) == 1:
-        return ends[0]
+    if key in names:
+        return key
+    with_this_end = [name for name in names if key in _ends(_long_name(data, name))]
+    if len(with_this_end) == 1:
+        return with_this_end[0]
     if not names:
-        raise DrawError(f"there is one point and no swept parameter {given!r}; leave the point out")
-    raise DrawError(f"there is no swept parameter {given!r}; {_has(given, names, len(names))}")
+        raise DrawError(f"there is one point and no swept parameter {key!r}; leave the point out")
+    choice = _choice(key, names, len(names))
+    raise DrawError(f"there is no swept parameter {key!r}; {choice}")
+
+
+def _long_name(data: Any, name: str) -> str:
+    return str(data[name].attrs.get("long_name", ""))
 
 
 def _ends(path: str) -> set[str]:
@@ -151,71 +175,81 @@ def _ends(path: str) -> set[str]:
 
 
 def numbers_of(data: Any) -> list[str]:
-    """Names of the numbers that a file has by sweep point and level, in its order."""
+    """Return the names of the numbers that a file has by sweep point and level, in its order."""
     dims = set(data["status"].dims)
-    numbers = [
-        str(name)
-        for name in data.data_vars
-        if set(data[name].dims) == dims and data[name].dtype.kind in "fi"
-    ]
-    return [name for name in numbers if "flag_values" not in data[name].attrs]
+    names = list[str]()
+    for name in data.data_vars:
+        is_number = data[name].dtype.kind in "fi" and "flag_values" not in data[name].attrs
+        if is_number and set(data[name].dims) == dims:
+            names.append(str(name))
+    return names
 
 
-def quantity(data: Any, given: str, of_levels: Container[str] = ()) -> str:
-    """The name of a number that the file has by sweep point and level; raises DrawError with those
-    that it has.
+def quantity(data: Any, name: str, of_levels: Container[str] = ()) -> str:
+    """Return a name if the file has a number of this name by sweep point and level.
 
     of_levels: names of what the groups of the levels have, along the contact line or in the body
+    Raises DrawError with the names that it has.
     """
     names = numbers_of(data)
-    if given in names:
-        return given
-    choice = _has(given, names, 30)
-    if given in of_levels:
-        fault = f"{given!r} has a value at every node of a level, not one a point"
-    elif given not in data.variables:
-        fault = f"the file has no number {given!r} by point and level"
-    elif "flag_values" in data[given].attrs:
-        fault = f"{given!r} is a flag and no number"
+    if name in names:
+        return name
+    if name in of_levels:
+        fault = f"{name!r} has a value at every node of a level, not one per point"
+    elif name not in data.variables:
+        fault = f"the file has no number {name!r} by point and level"
+    elif "flag_values" in data[name].attrs:
+        fault = f"{name!r} is a flag and no number"
     else:
-        dims = ", ".join(map(str, data[given].dims)) or "no dimension"
-        fault = f"{given!r} has the dimensions {dims}, and is not one number a point and level"
-    raise DrawError(f"{fault}; {choice}")
+        dims = ", ".join(map(str, data[name].dims)) or "no dimension"
+        fault = f"{name!r} has the dimensions {dims}, and is not one number per point and level"
+    raise DrawError(f"{fault}; {_choice(name, names, 30)}")
 
 
 def _by_name(data: Any, point: Mapping[str, Value]) -> dict[str, Value]:
-    said: dict[str, str] = {}
-    for given in point:
-        if (name := parameter(data, given)) in said:
-            raise DrawError(f"{said[name]} and {given} are one parameter; give it once")
-        said[name] = given
-    return {name: point[given] for name, given in said.items()}
+    """Return labels by the names of their parameters in the data."""
+    key_of_name: dict[str, str] = {}
+    for key in point:
+        name = parameter(data, key)
+        if name in key_of_name:
+            raise DrawError(f"{key_of_name[name]} and {key} are one parameter; give it once")
+        key_of_name[name] = key
+    return {name: point[key] for name, key in key_of_name.items()}
 
 
 def fitting(
     data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...]
 ) -> tuple[NDArray[np.bool_], list[str]]:
-    """(which points of the sweep, in C order, have the given labels; the parameters that have one
-    value, in words).
+    """Return (P,) which points have the given labels, and the parameters that have one value.
 
-    Parameters in `free` may have any value. In a grid all others have one, the first unless given;
-    the points of a list keep those that they have. Raises DrawError as `locate` does, and for a
-    label given to a free parameter.
+    Points are in C order, parameters in words. Parameters in `free` may have any value. In a grid
+    all others have one, the first unless given. The points of a list keep those that they have.
+
+    Raises DrawError as `locate` does, and for a label given to a free parameter.
     """
-    wanted, fixed = _by_name(data, point or {}), []
-    if twice := [name for name in wanted if name in free]:
-        raise DrawError(f"{twice[0]} is drawn with all its values; leave it out of the point")
+    values, fixed = _by_name(data, point or {}), list[str]()
+    for name in values:
+        if name in free:
+            raise DrawError(f"{name} is drawn with all its values; leave it out of the point")
+    is_grid = data.attrs["sweep_mode"] == "grid"
     for name in axis_names(data):
-        if name not in free and (name in wanted or data.attrs["sweep_mode"] == "grid"):
-            place = int(np.argmax(_fits(name, data[name], wanted[name]))) if name in wanted else 0
-            first = name not in wanted and data[name].size > 1
-            fixed.append(_stated(data, name, place) + " (its first value)" * first)
-            wanted[name] = data[name].values[place].item()
-    return matching(data, wanted), fixed
+        if name in free:
+            continue
+        if name in values:
+            place = int(np.argmax(_fits(name, data[name], values[name])))
+            fixed.append(_stated(data, name, place))
+        elif is_grid:
+            place = 0
+            by_default = " (its first value)" if data[name].size > 1 else ""
+            fixed.append(_stated(data, name, place) + by_default)
+        else:
+            continue
+        values[name] = data[name].values[place].item()
+    return matching(data, values), fixed
 
 
 def labels_by_point(data: Any) -> dict[str, NDArray[Any]]:
-    """(P,) labels of each swept parameter at all points of the sweep, in C order."""
+    """Return (P,) labels of each swept parameter at all points of the sweep, in C order."""
     like = data["status"].isel(level=0)
     return {
         name: data[name].broadcast_like(like).transpose(*like.dims).values.ravel()
@@ -224,8 +258,10 @@ def labels_by_point(data: Any) -> dict[str, NDArray[Any]]:
 
 
 def level_number(data: Any, level: int) -> int:
-    """The level from 0 on; negative ones are counted from the finest. Raises DrawError if there is
-    none."""
+    """Return the level counted from 0; a negative one is counted from the finest.
+
+    Raises DrawError if there is none.
+    """
     count = int(data.sizes["level"])
     if not -count <= level < count:
         raise DrawError(
@@ -241,94 +277,100 @@ def check_solved(data: Any, where: Mapping[str, int], level: int) -> None:
     if status == PointStatus.OK:
         return
     reason = str(data["reason"].isel(level=level).isel(where).item())
-    what = f"the point {describe(data, where) or 'of the file'} has no solution on level {level}"
-    solved = np.argwhere(statuses.values == int(PointStatus.OK))
-    if not len(solved):
-        remedy = "no other point has one there; see the reasons with: tcstudy show"
+    cause = f"{status.name.lower().replace('_', ' ')}: {reason}"
+    point = describe(data, where) or "of the file"
+    solved = np.argwhere(statuses.values == int(PointStatus.OK)).tolist()
+    if solved:
+        example = describe(data, dict(zip(statuses.dims, solved[0], strict=True)))
+        remedy = f"draw another point, for example {example}"
     else:
-        other = describe(data, dict(zip(statuses.dims, (int(i) for i in solved[0]), strict=True)))
-        remedy = f"draw another point, for example {other}"
-    raise DrawError(f"{what} ({status.name.lower().replace('_', ' ')}: {reason}); {remedy}")
+        remedy = "no other point has one there; see the reasons with: tcstudy show"
+    raise DrawError(f"the point {point} has no solution on level {level} ({cause}); {remedy}")
 
 
 def axis_symbol(data: Any, name: str) -> str:
-    """Return how reports write a swept parameter of a file, with the edge or region it belongs
-    to."""
+    """Return the symbol of a swept parameter of a file, with the edge or region it belongs to."""
     return symbol(str(data[name].attrs.get("long_name", name)))
 
 
 def axis_symbols(data: Any) -> dict[str, str]:
-    """Return `axis_symbol` of all swept parameters, those of one chosen point, too, by name."""
+    """Return `axis_symbol` of all swept parameters by name, also those of one chosen point."""
     names = (str(name) for name in data.coords if "long_name" in data[name].attrs)
     return {name: axis_symbol(data, name) for name in names}
 
 
 def axis_labels(data: Any, name: str, digits: int = 4) -> tuple[list[str], str]:
-    """The labels of a swept parameter as they are read, and their unit: one for the whole axis."""
+    """Return the labels of a swept parameter as they are read, and their common unit."""
     return scaled_labels(data[name].values.tolist(), data[name].attrs, digits)
 
 
 def _stated(data: Any, name: str, place: int) -> str:
-    shown, unit = axis_labels(data, name, 6)
-    return f"{name} = {shown[place]}" + (f" {unit}" if unit != "1" else "")
+    """Return a label in words, "alpha = 100 W m-2 K-1"."""
+    labels, unit = axis_labels(data, name, 6)
+    return f"{name} = {labels[place]}" + (f" {unit}" if unit != "1" else "")
 
 
 def describe(data: Any, where: Mapping[str, int]) -> str:
-    """The labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
-    return ", ".join(
-        _stated(data, name, where[str(data[name].dims[0])]) for name in axis_names(data)
-    )
+    """Return the labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
+    labels = list[str]()
+    for name in axis_names(data):
+        labels.append(_stated(data, name, where[str(data[name].dims[0])]))
+    return ", ".join(labels)
 
 
 def naming(data: Any) -> Callable[[tuple[int, ...]], str]:
-    """`describe` by the index of a point along the sweep dimensions."""
+    """Return `describe` as a function of the index of a point along the sweep dimensions."""
     return lambda index: describe(data, dict(zip(sweep_dims(data), index, strict=True)))
 
 
 def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
-    """Which labels of an axis are the wanted value; at least one is."""
-    held = axis.values
-    if held.dtype.kind in "OUS":
-        texts = [str(label) for label in held]
-        wanted = (
-            str(value)
-            if isinstance(value, str | int | float)
-            else f"[{', '.join(map(str, value))}]"
-        )
-        if wanted not in texts:
-            raise DrawError(f"no point has {name} = {wanted}; {_has(wanted, texts)}")
-        return np.array([text == wanted for text in texts])
-    number_wanted, units = (
-        _as_number(name, value, str(axis.attrs["units"])),
-        str(axis.attrs["units"]),
-    )
-    distance = np.abs(held - number_wanted)
-    nearest = held[np.argmin(distance)]
-    if not abs(nearest - number_wanted) <= CLOSE * max(abs(number_wanted), abs(nearest)):
-        order = np.unique(held)
-        nearby = np.sort(order[np.argsort(np.abs(order - number_wanted), kind="stable")[:3]])
-        told = f"{', '.join(map(number, nearby))}{f' {units}' if units != '1' else ''}"
-        raise DrawError(f"no point has {name} = {value}; the nearest values are {told}")
-    return np.asarray(held == nearest)
+    """Return which labels of an axis are the wanted value; at least one is.
+
+    Raises DrawError if none is.
+    """
+    labels = axis.values
+    if labels.dtype.kind in "OUS":
+        return _fits_text(name, [str(label) for label in labels], value)
+    units = str(axis.attrs["units"])
+    wanted = _as_number(name, value, units)
+    distance = np.abs(labels - wanted)
+    nearest = labels[np.argmin(distance)]
+    if not abs(nearest - wanted) <= MAX_DISTANCE * max(abs(wanted), abs(nearest)):
+        distinct = np.unique(labels)
+        order = np.argsort(np.abs(distinct - wanted), kind="stable")
+        nearby = ", ".join(map(number, np.sort(distinct[order[:3]])))
+        unit = f" {units}" if units != "1" else ""
+        raise DrawError(f"no point has {name} = {value}; the nearest values are {nearby}{unit}")
+    return np.asarray(labels == nearest)
+
+
+def _fits_text(name: str, labels: Sequence[str], value: Value) -> NDArray[np.bool_]:
+    if isinstance(value, str | int | float):
+        wanted = str(value)
+    else:
+        wanted = f"[{', '.join(map(str, value))}]"  # a pair as the study has it
+    if wanted not in labels:
+        raise DrawError(f"no point has {name} = {wanted}; {_choice(wanted, labels)}")
+    return np.array([label == wanted for label in labels])
 
 
 def _as_number(name: str, value: Any, units: str) -> float:
+    """Return a value, or a quantity such as "20 K", in SI units."""
     with suppress(ValueError, TypeError):
         return float(value)
-    quantity, dimension = (
-        u.split_quantity(str(value)),
-        next((d for d in u.DIMENSIONS if d.cf == units), None),
-    )
+    quantity = u.split_quantity(str(value))
+    dimension = next((dimension for dimension in u.DIMENSIONS if dimension.cf == units), None)
     if quantity is None or dimension is None:
-        raise DrawError(
-            f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}"
-        )
+        remedy = f"give one in {units}" if units != "1" else "give one"
+        raise DrawError(f"{name} = {value!r} is not a number; {remedy}")
     try:
         return u.to_si(*quantity, dimension)
     except u.UnitError as error:
         raise DrawError(f"{name} = {value!r}: {error}") from error
 
 
-def _has(given: str, names: Sequence[str], most: int = 8) -> str:
-    meant = hint(given, names, "")
-    return f"{meant} there is {', '.join(names[:most])}{', …' * (len(names) > most)}".strip()
+def _choice(word: str, names: Sequence[str], most: int = 8) -> str:
+    """Return the name that was probably meant, and the names that there are."""
+    suggestion = hint(word, names, "")
+    more = ", …" if len(names) > most else ""
+    return f"{suggestion} there is {', '.join(names[:most])}{more}".strip()

@@ -1,4 +1,4 @@
-"""Symbols of parameters: how reports write names and key paths."""
+"""Symbols of parameters, by their names in files and their key paths."""
 
 from __future__ import annotations
 
