@@ -1,15 +1,15 @@
-"""What reports say of results in words, and what must be true for it; first of a run: what slips,
-debonds or jumps where, what is proved and how exact it is, how much is solved.
+"""Verdicts of results in words, and the conditions under which they are true.
 
-A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their
-words from here. That of a run reads the few variables that it speaks of, and of them only the last
-levels.
+First of a run: what slips, debonds or jumps where, what is proved, how exact it is, how much is
+solved. A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take
+their words from here. The verdict of a run reads only the variables that it names, and of them the
+last levels.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from tcstudy.data.store import BRANCH, SWEPT_LOADS
 from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import (
     PROOFS,
+    FailedSolution,
     Failure,
     Verdict,
     between,
@@ -36,15 +37,17 @@ from tcstudy.reports.text import (
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Place = tuple[int, ...]
+"""Index of a point along the sweep dimensions."""
 
 SAME = 1e-9
-"""Relative difference of two energies that are one; part of the largest change of slips, or ∫ξ,
-that is none."""
+"""Relative difference up to which energies are equal, and part of the largest slip or ∫ξ up to
+which changes are 0."""
 EQUAL = 1e-6
-"""Relative difference of the changes of two cycles that are equal; part of the slips below which
-they are settled."""
-SPENT = 1e-5
-"""Relative difference of what two cycles dissipate that is none."""
+"""Relative difference up to which the changes of two cycles are equal; up to this part of the slips
+a cycle counts as settled."""
+EQUAL_DISSIPATION = 1e-5
+"""Relative difference up to which two cycles dissipate the same."""
 
 PROVED = {
     "unique": "proved to be the only solution",
@@ -53,7 +56,7 @@ PROVED = {
     "nothing": "a solution, nothing proved of it",
     "failed": "no solution",
 }
-"""By `text.PROOFS`: what the flag of a solution, the strongest that it has, says of it."""
+"""Meaning of the strongest proof of a solution, by the words of `text.PROOFS`."""
 PROVED_STEPS = {
     "unique": "every step proved to be the only solution",
     "global": "every step proved to have the least energy",
@@ -71,47 +74,46 @@ VERDICTS = {
     "pre_asymptotic": "pre-asymptotic",
     "too_few_levels": "too few levels",
 }
-"""By data.tables.VERDICTS, whose conditions are those of study.convergence.verdict; no order is
-called slow where corners were not analysed or errors are rounding."""
+"""By data.tables.VERDICTS, with the conditions of study.convergence.verdict. No order is called
+slow where corners were not analysed or errors are rounding."""
 GUESS = "?"
-"""Stands behind an order of two levels, whose own error nothing tells."""
+"""Stands behind an order of two levels, whose error is not known."""
 
 
 def percent(share: float) -> str:
-    """A share that is known to one or two digits."""
-    return (
-        f"{100 * share:.0f} %"
-        if share >= 0.1
-        else f"{100 * share:.2g} %"
-        if share >= 1e-6
-        else f"{share:.1e}"
-    )
+    """Return a share that is known to one or two digits."""
+    if share >= 0.1:
+        return f"{100 * share:.0f} %"
+    if share >= 1e-6:
+        return f"{100 * share:.2g} %"
+    return f"{share:.1e}"
 
 
 def slip_lengths(spans: Mapping[str, tuple[float, float]], units: str) -> str:
-    """Return on how much of the contact line it slips, has debonded, …: "slip length 2 to 9 mm".
+    """Return lengths of parts of the contact line: "slip length 2 to 9 mm".
 
-    spans: name of the length → least and largest of all points [units]
+    spans: (least, largest) of all points by the name of the length [units]
     """
     texts = list[str]()
     for name, (low, high) in spans.items():
-        length = between(low, high, units, 3) if low > 0.0 else f"up to {with_unit(high, units, 3)}"
+        if low > 0.0:
+            length = between(low, high, units, 3)
+        else:
+            length = f"up to {with_unit(high, units, 3)}"
         texts.append(f"{name} length {length}")
     return ", ".join(texts)
 
 
-# -- runs
-# --------------------------------------------------------------------------------------------------------------
+# -- the file of a run
 
-FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
-"""A step is abrupt where a line has so many points, it is so many times the median of the others
-and so large a part of the largest value of the whole line."""
 LENGTHS = ("slip", "debonded", "softening", "yielded")
-"""Lengths of the contact line of which a verdict speaks, by what happens there."""
+"""Lengths of the contact line that a verdict names, by what happens there."""
 HOW = {
     "goal": "mesh error: largest estimated error of the goal",
     "energy": "mesh error: largest estimated error of the displacement in the energy norm",
-    "change": "change: the largest relative one of max |u_T|, energy and ∫ξ (of ∫|ξ|) at all points",
+    "change": (
+        "change: the largest relative one of max |u_T|, energy and ∫ξ (of ∫|ξ|) at all points"
+    ),
     "no change": "not estimated: nothing slips, no friction and no energy to compare",
     "one mesh": "not estimated: one mesh",
 }
@@ -119,33 +121,37 @@ HOW = {
 
 
 class RunSeen:
-    """A run's file as the sentence sees it: a few variables, of their last levels only.
+    """The file of a run, read by variable and level.
 
-    dims: sweep dimensions;  units: of the slip;  ok: (*dims) points solved on the last level
+    dims:   sweep dimensions
+    units:  of the slip
+    status: (*dims) of the points on the last level
+    ok:     (*dims) points solved on the last level
     """
 
     def __init__(self, nc: Any) -> None:
         nc.set_auto_maskandscale(False)
-        self.nc, self.grid, self.levels = (
-            nc,
-            nc.sweep_mode == "grid",
-            int(nc.dimensions["level"].size),
-        )
+        self.nc = nc
+        self.grid = nc.sweep_mode == "grid"
+        self.levels = int(nc.dimensions["level"].size)
         self.dims = tuple(dim for dim in nc["status"].dimensions if dim != "level")
         self.units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
-        self._shown = dict[str, tuple[list[str], str]]()
+        self._axis_labels = dict[str, tuple[list[str], str]]()
         self.status = np.asarray(self.take("status"))
         self.ok: Flags = self.status == int(PointStatus.OK)
 
     def take(self, name: str, level: int = -1) -> NDArray[Any] | None:
-        """(*dims, …) values of a variable on one level, counted from the end; None if the file has
-        none."""
+        """Return (*dims, …) values of a variable on one level, counted from the end.
+
+        None if the file does not have it.
+        """
         if name not in self.nc.variables:
             return None
-        return np.asarray(self.nc[name][(slice(None),) * len(self.dims) + (self.levels + level,)])
+        all_points = (slice(None),) * len(self.dims)
+        return np.asarray(self.nc[name][(*all_points, self.levels + level)])
 
     def flag(self, name: str) -> Flags:
-        """(*dims) which solved points have a flag."""
+        """Return (*dims) which solved points have a flag."""
         values = self.take(name)
         return self.ok & (values == 1) if values is not None else np.zeros_like(self.ok)
 
@@ -155,19 +161,18 @@ class RunSeen:
         failed = (status != int(PointStatus.OK)) & (status != int(PointStatus.NOT_RUN))
         if not failed.any():
             return []
-        reasons, rows = self.nc["reason"][...], list[tuple[PointStatus, str, str, int]]()
-        points = np.arange(self.ok.size).reshape(self.ok.shape)
-        for *place, level in np.argwhere(failed):
-            where = dict(zip(self.dims, (int(i) for i in place), strict=True))
-            words = ", ".join(self.labelled(where)) if self.grid else ""
-            at = (*place, level)
-            rows.append(
-                (PointStatus(int(status[at])), str(reasons[at]), words, int(points[tuple(place)]))
-            )
+        reasons = self.nc["reason"][...]
+        point_numbers = np.arange(self.ok.size).reshape(self.ok.shape)
+        rows = list[FailedSolution]()
+        for index in map(tuple, np.argwhere(failed).tolist()):
+            place = index[:-1]  # without the level
+            status_here = PointStatus(int(status[index]))
+            point = int(point_numbers[place])
+            rows.append((status_here, str(reasons[index]), self.point_words(place), point))
         return failure_kinds(rows)
 
-    def friction(self, place: tuple[int, ...]) -> float:
-        """∫|ξ| on the last level at a point."""
+    def friction(self, place: Place) -> float:
+        """Return ∫|ξ| on the last level at a point."""
         body, point = StoredBody.at(self.nc, int(np.ravel_multi_index(place, self.ok.shape)))
         level = self.levels - 1
         group = body.group(level)
@@ -175,46 +180,39 @@ class RunSeen:
         return float(np.abs(xi) @ body.read(group["c"], level))
 
     def symbol(self, name: str) -> str:
-        """How reports write the parameter of an axis, with the edge or region it belongs to."""
+        """Return the symbol of the parameter of an axis, with the edge or region it belongs to."""
         return symbol(str(self.nc[name].__dict__.get("long_name", name)))
 
-    def shown(self, name: str) -> tuple[list[str], str]:
-        """The labels of an axis and their unit as it is read; each is asked of many failed points."""
-        if name not in self._shown:
-            shown, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
-            self._shown[name] = shown, pretty(unit)
-        return self._shown[name]
+    def axis_labels(self, name: str) -> tuple[list[str], str]:
+        """Return the labels of an axis and their unit as it is read."""
+        if name not in self._axis_labels:  # many failed points need the same
+            labels, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
+            self._axis_labels[name] = labels, pretty(unit)
+        return self._axis_labels[name]
 
     def labelled(self, place: Mapping[str, int]) -> list[str]:
-        """The labels of a point along axes with several values, "θ̄ = 12 K", "friction:
-        brittle"."""
-        found = []
-        for name, i in ((name, i) for name, i in place.items() if self.nc[name].size > 1):
-            (labels, unit), mark = self.shown(name), ": " if self.nc[name].dtype is str else " = "
-            found.append(f"{self.symbol(name)}{mark}{labels[i]} {unit}".rstrip())
-        return found
+        """Return the labels of a point along axes with several values, "θ̄ = 12 K"."""
+        texts = list[str]()
+        for name, i in place.items():
+            if self.nc[name].size <= 1:
+                continue
+            labels, unit = self.axis_labels(name)
+            sign = ": " if self.nc[name].dtype is str else " = "
+            texts.append(f"{self.symbol(name)}{sign}{labels[i]} {unit}".rstrip())
+        return texts
+
+    def point_words(self, place: Place) -> str:
+        """Return the labels of a point of a grid; "" of a list."""
+        if not self.grid:
+            return ""
+        return ", ".join(self.labelled(dict(zip(self.dims, place, strict=True))))
 
 
-CLASSES = {"unique": "unique", "global": "global minimum", "local": "local minimum"}
-"""By `text.PROOFS`: names of the classes into which solutions fall by the strongest proof."""
-UNPROVED = "without certificate"
-
-
-def proof_classes(flags: Mapping[str, Flags], solved: Flags) -> str:
-    """Return how many of the solved points or steps have which strongest proof; the counts add up.
-
-    flags: by the names of `text.PROOFS`
-    """
-    remaining, counts = solved.copy(), dict[str, int]()
-    for name, word in PROOFS:
-        counts[CLASSES[word]] = int((remaining & flags[name]).sum())
-        remaining &= ~flags[name]
-    counts[UNPROVED] = int(remaining.sum())
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+# -- the verdict of a run
 
 
 def run_verdict(nc: Any) -> Verdict:
-    """Return what the open file of a run says first."""
+    """Return the verdict of the open file of a run."""
     run = RunSeen(nc)
     failures = run.failures()
     not_run = int(np.count_nonzero(run.status == int(PointStatus.NOT_RUN)))
@@ -240,8 +238,8 @@ def failure_fields(failures: Sequence[Failure]) -> dict[str, tuple[str, ...]]:
     """Return the labels `reason` and `fix` of a verdict: those of the most frequent failure."""
     if not failures:
         return {}
-    most = failures[0]
-    return {"reason": (most.cause,), "fix": (most.remedy,)}
+    most_frequent = failures[0]
+    return {"reason": (most_frequent.cause,), "fix": (most_frequent.remedy,)}
 
 
 def _solved(run: RunSeen, failures: Sequence[Failure], not_run: int) -> tuple[str, ...]:
@@ -251,23 +249,87 @@ def _solved(run: RunSeen, failures: Sequence[Failure], not_run: int) -> tuple[st
     if run.levels > 1:
         text += f", {run.levels} levels"
     failed = len({point for failure in failures for point in failure.points})
-    unsolved = [f"; {failed} failed" if failed else ""]
-    if failed > total - solved - not_run:
-        unsolved.append(f", {failed + solved + not_run - total} on coarser levels only")
-    unsolved.append(f"; {not_run} not run" if not_run else "")
+    if failed:
+        text += f"; {failed} failed"
+    on_coarser_levels = failed + solved + not_run - total
+    if on_coarser_levels > 0:
+        text += f", {on_coarser_levels} on coarser levels only"
+    if not_run:
+        text += f"; {not_run} not run"
     residual = run.take("inclusion_residual")
-    known = residual[run.ok & np.isfinite(residual)] if residual is not None else np.zeros(0)
-    if known.size:
-        unsolved.append(f"; residual ≤ {number(float(known.max()), 2)}")
-    return (text + "".join(unsolved),)
+    if residual is not None:
+        finite = residual[run.ok & np.isfinite(residual)]
+        if finite.size:
+            text += f"; residual ≤ {number(float(finite.max()), 2)}"
+    return (text,)
+
+
+def _answer(run: RunSeen) -> tuple[str, ...]:
+    """Return the largest slip with its point, and the lengths that slip, have debonded, …."""
+    slip = run.take("u_T_max")
+    if slip is None:
+        return ()
+    place = first_largest(np.where(run.ok, slip, -1.0))
+    if slip[place] == 0.0:
+        return ("nothing slips",)
+    largest = f"largest slip {with_unit(float(slip[place]), run.units)}"
+    words = run.point_words(place)
+    facts = [
+        f"{largest} at {words}" if words else largest,
+        slip_lengths(_length_spans(run), run.units),
+    ]
+    shear, arclength = run.take("shear_max"), run.take("shear_max_at")
+    if run.ok.size == 1 and shear is not None and arclength is not None:
+        stress = with_unit(shear.item(), "1" if run.units == "1" else "Pa")
+        facts.append(f"largest shear {stress} at s = {with_unit(arclength.item(), run.units)}")
+    return tuple(filter(None, facts))
+
+
+def _length_spans(run: RunSeen) -> dict[str, tuple[float, float]]:
+    """Return (least, largest) of the lengths that a verdict names.
+
+    Of a sweep the fewest that tell what happens: no softening, and yielding only alone.
+    """
+    is_sweep = run.ok.size > 1
+    spans = dict[str, tuple[float, float]]()
+    for name in LENGTHS:
+        if is_sweep and (name == "softening" or (name == "yielded" and spans)):
+            continue
+        length = run.take(f"{name}_length")
+        if length is None:
+            continue
+        finite = length[run.ok & np.isfinite(length)]
+        if finite.size and finite.max() > 0.0:
+            spans[name] = float(finite.min()), float(finite.max())
+    return spans
+
+
+# -- proofs and other solutions
+
+CLASSES = {"unique": "unique", "global": "global minimum", "local": "local minimum"}
+"""Classes of solutions by their strongest proof, by the words of `text.PROOFS`."""
+UNPROVED = "without certificate"
+
+
+def proof_classes(flags: Mapping[str, Flags], solved: Flags) -> str:
+    """Return how many of the solved points or steps have which strongest proof; the counts add up.
+
+    flags: by the names of `text.PROOFS`
+    """
+    remaining, counts = solved.copy(), dict[str, int]()
+    for name, word in PROOFS:
+        counts[CLASSES[word]] = int((remaining & flags[name]).sum())
+        remaining &= ~flags[name]
+    counts[UNPROVED] = int(remaining.sum())
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
 
 
 def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
     """Return what is proved of the solutions of the finest level, and what speaks against them."""
     flags = {name: run.flag(name) for name, _ in PROOFS}
     facts = [f"{proof_classes(flags, run.ok)} (this mesh)"]
-    if (body := run.take("proved_unique")) is not None:
-        of_body = int((run.ok & (body == 1)).sum())
+    if run.take("proved_unique") is not None:
+        of_body = int(run.flag("proved_unique").sum())
         facts.append(f"{of_body} of {int(unique.sum())} unique for the body itself")
     count, complete = run.take("solutions"), run.take("complete")
     if count is not None and complete is not None:
@@ -286,8 +348,7 @@ FOLLOW_LOADING = "to follow the loading, take solver.branch: continued or path:"
 
 
 def no_loading_curve(run: RunSeen, ambiguous: Flags) -> list[str]:
-    """Return that a sweep of loads is not what a body does that is loaded from rest; empty where
-    nothing shows that it is not.
+    """Return that a sweep of loads is no loading curve; empty where nothing indicates it.
 
     With `branch: lowest` the stored solution leaves the branch from rest where another one has
     less energy, long before the fold at which a loaded body leaves it.
@@ -306,18 +367,111 @@ def least_energy_words(loads: Sequence[str], energy: Array | None, ambiguous: Fl
     """
     if not loads or not ambiguous.any():
         return ""
-    over = " and ".join(symbol(name) for name in loads)
+    parameters = " and ".join(symbol(name) for name in loads)
     if energy is not None and from_rest_left(energy, ambiguous):
-        return f"not the loading curve over {over}, but the least energy; {FOLLOW_LOADING}"
-    return f"the least energy need not be the loading curve over {over}; {FOLLOW_LOADING}"
+        return f"not the loading curve over {parameters}, but the least energy; {FOLLOW_LOADING}"
+    return f"the least energy need not be the loading curve over {parameters}; {FOLLOW_LOADING}"
 
 
 def from_rest_left(energy: Array, ambiguous: Flags) -> bool:
-    """Return whether somewhere the solution of least energy is not that which descent from zero,
-    the first of the starts (…, s), leads to."""
-    known = energy[ambiguous]
-    size = np.nanmax(np.abs(known), axis=-1)
-    return bool(np.any(known[:, 0] - np.nanmin(known, axis=-1) > SAME * size))
+    """Return whether the solution of least energy is somewhere not that of descent from zero.
+
+    energy: (…, s) to which each start led, that from zero first
+    """
+    energies = energy[ambiguous]
+    size = np.nanmax(np.abs(energies), axis=-1)
+    return bool(np.any(energies[:, 0] - np.nanmin(energies, axis=-1) > SAME * size))
+
+
+def several_found(run: RunSeen, unique: Flags) -> Flags:
+    """Return (*dims) the solved points at which more than one solution was found."""
+    count, energy = run.take("solutions"), run.take("start_energy")
+    if count is not None:
+        return np.asarray(run.ok & (count > 1))
+    if energy is not None:
+        return run.ok & several(energy, unique)
+    return np.zeros_like(run.ok)
+
+
+def several(energy: Array, unique: Flags) -> Flags:
+    """Return (…) where more than one solution was found.
+
+    Starts (…, s) led to energies that differ by more than rounding, and the solution is not proved
+    to be the only one.
+    """
+    energy = np.sort(energy, axis=-1)
+    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
+    return np.asarray(np.any(np.diff(energy, axis=-1) > SAME * size, axis=-1) & ~unique)
+
+
+def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:
+    """Return a number of equilibria in words.
+
+    stable: how many of them are stable;  complete: the flag of the file, 0 not proved
+    """
+    words = f"{count}" if complete else f"at least {count}"
+    return f"{words}, {stable} stable" if stable is not None and count > 1 else words
+
+
+def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
+    """Return at how many of P points all equilibria are known, and how many these are.
+
+    Empty without points.
+    """
+    if not len(count):
+        return ""
+    proved = count[complete > 0]
+    words = f"all equilibria proved at {len(proved)} of {len(count)}"
+    if len(proved):
+        low, high = proved.min(), proved.max()
+        words += f" ({low} each)" if low == high else f" ({low} to {high})"
+    if np.any(complete == OF_POLYGON):
+        words += " of the polygons of exponential laws"
+    return words
+
+
+MIN_LOCKING_RATIO = 1.1
+"""λ₁ of a P1 mesh over that of equilibrium elements, above which the mesh locks."""
+
+
+def of_the_body(low: Array, high: Array, proved: Flags, units: str) -> str:
+    """Return what is proved of the body itself, by low ≤ λ₁ ≤ high and ω < low.
+
+    low, high: (P,) at the points of the finest level, NaN where a point was not solved [units]
+    proved:    (P,) points with ω < low
+    """
+    is_solved = np.isfinite(low)
+    if not is_solved.any():
+        return ""
+    least = int(np.nanargmin(low))
+    least_low, least_high = (with_unit(float(ends[least]), units) for ends in (low, high))
+    is_constant = float(np.nanmin(low)) > (1.0 - EQUAL) * float(np.nanmax(low))
+    verb = "lies" if is_constant else "is least"
+    words = f"λ₁ of the body {verb} between {least_low} and {least_high}"
+    words += f": one solution for ω below {least_low}, proved of the body itself, not of the mesh"
+    count, total = int(np.count_nonzero(proved[is_solved])), int(np.count_nonzero(is_solved))
+    if not count:
+        return words
+    points = "this point" if total == 1 else f"{count} of {total} points"
+    return f"{words}; so at {points}"
+
+
+def locks(mesh: Array, dual: Array) -> str:
+    """Return that the mesh locks where its λ₁ is far above that of equilibrium elements.
+
+    mesh, dual: (P,) λ₁ of the mesh and of equilibrium elements, which do not lock
+    """
+    ratio = float(np.nanmax(mesh / dual, initial=0.0, where=np.isfinite(dual)))
+    if not ratio > MIN_LOCKING_RATIO:
+        return ""
+    return (
+        f"the mesh locks: its λ₁ is up to {number(ratio, 3)} times that of equilibrium elements, "
+        "so that what is certified of the mesh by ω < λ₁ need not hold of the body; refine, or go "
+        "by what is proved of the body"
+    )
+
+
+# -- the error of the mesh
 
 
 def _accuracy(run: RunSeen) -> tuple[str, ...]:
@@ -326,7 +480,8 @@ def _accuracy(run: RunSeen) -> tuple[str, ...]:
     facts = [error]
     if not error or how in (HOW["goal"], HOW["energy"]):
         facts.append(how)
-    if (bound := run.take("error_bound_relative")) is not None:
+    bound = run.take("error_bound_relative")
+    if bound is not None:
         largest = float(np.max(bound[run.ok], initial=0.0))  # NaN where one point has none
         if 0.0 < largest < 1.0:
             facts.append(f"error of u proved to be at most {percent(largest)}")
@@ -336,122 +491,60 @@ def _accuracy(run: RunSeen) -> tuple[str, ...]:
     return tuple(filter(None, facts))
 
 
-def _answer(run: RunSeen) -> tuple[str, ...]:
-    """Return the largest slip with its point, and the lengths on which the line slips, has
-    debonded, softens or yields."""
-    slip, ok = run.take("u_T_max"), run.ok
-    if slip is None:
-        return ()
-    most = first_largest(np.where(ok, slip, -1.0))
-    if slip[most] == 0.0:
-        return ("nothing slips",)
-    spans = dict[str, tuple[float, float]]()
-    for name in LENGTHS:
-        if ok.size > 1 and name in ("softening", "yielded") and (name == "softening" or spans):
-            continue  # of a sweep the least that says it
-        length = run.take(f"{name}_length")
-        if length is None:
-            continue
-        known = length[ok & np.isfinite(length)]
-        if known.size and known.max() > 0.0:
-            spans[name] = float(known.min()), float(known.max())
-    place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.grid else {}
-    words = ", ".join(run.labelled(place))
-    largest = f"largest slip {with_unit(float(slip[most]), run.units)}"
-    facts = [f"{largest} at {words}" if words else largest, slip_lengths(spans, run.units)]
-    shear, at = run.take("shear_max"), run.take("shear_max_at")
-    if ok.size == 1 and shear is not None and at is not None:
-        stress = with_unit(shear.item(), "1" if run.units == "1" else "Pa")
-        facts.append(f"largest shear {stress} at s = {with_unit(at.item(), run.units)}")
-    return tuple(filter(None, facts))
-
-
-def several_found(run: RunSeen, unique: Flags) -> Flags:
-    """(*dims) solved points at which more than one solution was found."""
-    if (count := run.take("solutions")) is not None:
-        return np.asarray(run.ok & (count > 1))
-    energy = run.take("start_energy")
-    return run.ok & several(energy, unique) if energy is not None else np.zeros_like(run.ok)
-
-
-def several(energy: Array, unique: Flags) -> Flags:
-    """(…) more than one solution was found: starts (…, s) led to energies that differ by more than
-    rounding, and no proof says that this is all that it can be.
-    """
-    energy = np.sort(energy, axis=-1)
-    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    return np.asarray(np.any(np.diff(energy, axis=-1) > SAME * size, axis=-1) & ~unique)
-
-
-def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:
-    """A number of equilibria in words; stable: how many of them;  complete: the flag of the file, 0 not proved."""
-    words = f"{count}" if complete else f"at least {count}"
-    return f"{words}, {stable} stable" if stable is not None and count > 1 else words
-
-
-def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
-    """At how many of P points all equilibria are known, and how many they are at each; empty
-    without points."""
-    if not len(count):
-        return ""
-    known = count[complete > 0]
-    span = f"{known.min()} each" if len(known) and known.min() == known.max() else ""
-    span = span or (f"{known.min()} to {known.max()}" if len(known) else "")
-    told = f"all equilibria proved at {len(known)} of {len(count)}" + (f" ({span})" if span else "")
-    return told + (" of the polygons of exponential laws" if np.any(complete == OF_POLYGON) else "")
-
-
 def mesh_error(run: RunSeen) -> tuple[str, str]:
-    """The largest mesh error of the solved points, relative to a number that it is smaller than,
-    and how it is known: estimated, or else what the last level changed; "" where nothing is known
-    of it.
+    """Return the largest relative mesh error of the solved points, and how it is known.
+
+    It is estimated, or else the change by the last level. "" where it is not known.
     """
-    ok, goal, wide = run.ok, run.take("goal"), run.take("goal_estimate")
-    if (
-        goal is not None
-        and wide is not None
-        and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal))
-    ):
-        small = (
-            known & (wide > 0.0) & (wide >= np.abs(goal))
-        )  # the number is no larger than its error
-        share = (
-            wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]
-        ).max(initial=0.0)
-        said = [_share(float(share), "mesh error about {}")] if share > 0.0 else []
-        said += [f"the goal no larger than its mesh error at {small.sum()}"] if small.any() else []
-        return ", ".join(said), HOW["goal"]
+    of_goal = _goal_error(run)
+    if of_goal is not None:
+        return of_goal, HOW["goal"]
     estimates = run.take("error_estimate")
-    if estimates is not None and np.isfinite(estimates[ok]).any():
-        return _share(float(np.nanmax(estimates[ok])), "mesh error about {}"), HOW["energy"]
-    if run.levels < 2 or not ok.any():
+    if estimates is not None and np.isfinite(estimates[run.ok]).any():
+        return _about(float(np.nanmax(estimates[run.ok]))), HOW["energy"]
+    if run.levels < 2 or not run.ok.any():
         return "", HOW["one mesh"]
     change = last_change(run)
     if change is None:
         return "", HOW["no change"]
     if change.share >= 1.0:
         return f"mesh too coarse for the order of magnitude of {change.symbol}", HOW["change"]
-    at_most = "at most " if ok.size > 1 else ""
-    place = dict(zip(run.dims, change.place, strict=True)) if run.grid else {}
-    labels = run.labelled(place)
-    where = f" (at {', '.join(labels)})" if labels else ""
-    text = f"last refinement changed {change.symbol} by {at_most}{percent(change.share)}{where}"
-    return text, HOW["change"]
+    at_most = "at most " if run.ok.size > 1 else ""
+    text = f"last refinement changed {change.symbol} by {at_most}{percent(change.share)}"
+    words = run.point_words(change.place)
+    return f"{text} (at {words})" if words else text, HOW["change"]
 
 
-def _share(error: float, words: str) -> str:
-    return (
-        words.format(percent(error))
-        if error < 1.0
-        else "mesh too coarse for the order of magnitude"
-    )
+def _goal_error(run: RunSeen) -> str | None:
+    """Return the largest estimated error of the goal; None where it is not estimated."""
+    goal, estimate = run.take("goal"), run.take("goal_estimate")
+    if goal is None or estimate is None:
+        return None
+    known = run.ok & np.isfinite(estimate) & np.isfinite(goal)
+    if not known.any():
+        return None
+    # a goal that is no larger than its error has no relative error
+    small = known & (estimate > 0.0) & (estimate >= np.abs(goal))
+    size = np.where(goal == 0.0, 1.0, np.abs(goal))
+    comparable = known & ~small
+    share = (estimate[comparable] / size[comparable]).max(initial=0.0)
+    words = [_about(float(share))] if share > 0.0 else []
+    if small.any():
+        words.append(f"the goal no larger than its mesh error at {small.sum()}")
+    return ", ".join(words)
+
+
+def _about(error: float) -> str:
+    if error < 1.0:
+        return f"mesh error about {percent(error)}"
+    return "mesh too coarse for the order of magnitude"
 
 
 CHANGED = {"u_T_max": "max |u_T|", "energy": "energy", "friction_resultant": "∫ξ"}
 """Results whose change by the last refinement is judged, and their symbols."""
-SMALL = 1e-3
-"""Part of the largest value of all points: a smaller value is compared with this part, so that a
-point where next to nothing happens does not decide."""
+MIN_SIZE = 1e-3
+"""Part of the largest value of all points with which smaller values are compared, so that a point
+where next to nothing happens does not decide."""
 
 
 @dataclass(frozen=True)
@@ -460,7 +553,7 @@ class MeshChange:
 
     share: float
     symbol: str
-    place: tuple[int, ...]
+    place: Place
 
 
 def last_change(run: RunSeen) -> MeshChange | None:
@@ -469,37 +562,35 @@ def last_change(run: RunSeen) -> MeshChange | None:
     That of ∫ξ is relative to ∫|ξ|. None where all of them are rounding. Equilibrium may fix one of
     them, so that it alone says nothing of the mesh.
     """
-    changes = list[MeshChange]()
+    changes = [_change_of(run, name) for name in CHANGED]
+    known = [change for change in changes if change is not None]
+    return max(known, key=lambda change: change.share, default=None)
+
+
+def _change_of(run: RunSeen, name: str) -> MeshChange | None:
+    """Return the largest relative change of one result by the last refinement."""
+    last, before = run.take(name), run.take(name, -2)
+    if last is None or before is None:
+        return None
     solved_before = run.take("status", -2) == int(PointStatus.OK)
-    for name, result in CHANGED.items():
-        last, before = run.take(name), run.take(name, -2)
-        if last is None or before is None:
-            continue
-        both = run.ok & solved_before & np.isfinite(last) & np.isfinite(before)
-        if not both.any():
-            continue
-        largest = float(np.abs(last[both]).max())
-        size = np.maximum(np.abs(last), SMALL * largest)
-        if name == "u_T_max":
-            both &= np.maximum(np.abs(last), np.abs(before)) > _slip_rounding(run)
-        change = np.where(both, np.abs(last - before), 0.0)
-        share = np.divide(change, size, out=np.zeros_like(change), where=size > 0.0)
-        if name == "friction_resultant":
-            found = _resultant_change(run, both, change, share, largest)
-        else:
-            found = _most(share, both & (size > 0.0))
-        if found is not None:
-            changes.append(MeshChange(found[0], result, found[1]))
-    return max(changes, key=lambda change: change.share, default=None)
-
-
-def _most(share: Array, known: Flags) -> tuple[float, tuple[int, ...]] | None:
-    """Return the largest share of the known points and its place."""
+    known = run.ok & solved_before & np.isfinite(last) & np.isfinite(before)
     if not known.any():
         return None
-    masked = np.where(known, share, -1.0)
-    place = first_largest(masked)
-    return float(masked[place]), place
+    largest = float(np.abs(last[known]).max())
+    size = np.maximum(np.abs(last), MIN_SIZE * largest)
+    if name == "u_T_max":
+        known &= np.maximum(np.abs(last), np.abs(before)) > _slip_rounding(run)
+    change = np.where(known, np.abs(last - before), 0.0)
+    share = np.divide(change, size, out=np.zeros_like(change), where=size > 0.0)
+    if name == "friction_resultant":
+        share = np.where(known, share, -1.0)
+        return _resultant_change(run, change, share, largest)
+    known &= size > 0.0
+    if not known.any():
+        return None
+    share = np.where(known, share, -1.0)
+    place = first_largest(share)
+    return MeshChange(float(share[place]), CHANGED[name], place)
 
 
 def _slip_rounding(run: RunSeen) -> Array | float:
@@ -512,119 +603,103 @@ def _slip_rounding(run: RunSeen) -> Array | float:
 
 
 def _resultant_change(
-    run: RunSeen, both: Flags, change: Array, share: Array, largest: float
-) -> tuple[float, tuple[int, ...]] | None:
-    """Return the largest change of ∫ξ relative to ∫|ξ|, and its place.
+    run: RunSeen, change: Array, bound: Array, largest: float
+) -> MeshChange | None:
+    """Return the largest change of ∫ξ relative to ∫|ξ|.
 
     |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than the largest so far
     need be read.
+
+    bound: (*dims) the change relative to |∫ξ|, −1 where it is not known
     """
-    most: tuple[float, tuple[int, ...]] | None = None
-    bound = np.where(both, share, -1.0)
-    for k in np.argsort(-bound, axis=None)[: both.sum()]:
+    most: MeshChange | None = None
+    for k in np.argsort(-bound, axis=None)[: np.count_nonzero(bound >= 0.0)]:
         place = tuple(int(i) for i in np.unravel_index(k, bound.shape))
-        if most is not None and bound[place] <= most[0]:
+        if most is not None and bound[place] <= most.share:
             break
-        size = max(run.friction(place), SMALL * largest)
+        size = max(run.friction(place), MIN_SIZE * largest)
         if size > SAME * largest:
-            own_share = float(change[place] / size)
-            if most is None or own_share > most[0]:
-                most = own_share, place
+            share = float(change[place] / size)
+            if most is None or share > most.share:
+                most = MeshChange(share, CHANGED["friction_resultant"], place)
     return most
 
 
-def abrupt(run: RunSeen, several: Flags) -> list[str]:
-    """Sentences on where the slip changes between two neighbouring values of a swept number, so
-    much beside the steps around it that it is worth a word, the largest first.
+# -- abrupt changes over a parameter
 
-    It is called a jump only if two solutions were seen at one of them: a solution that is unique
-    all the way (ω < λ₁) changes steeply, but continuously, and two points do not tell a steep
-    change from a jump.
+MIN_POINTS = 4
+"""Points of a line on which a step can be abrupt."""
+MIN_STEEPNESS = 4.0
+"""An abrupt step is so many times the median of the other steps of its line …"""
+MIN_STEP = 0.25
+"""… and so large a part of the largest value of the line."""
+
+
+def abrupt(run: RunSeen, several: Flags) -> list[str]:
+    """Return where the slip changes abruptly between two values of a parameter, the largest first.
+
+    It is called a jump only if several solutions were found at one of the two points. A solution
+    that is unique on the way (ω < λ₁) changes steeply, but continuously, and two points do not tell
+    a steep change from a jump.
     """
     slip = run.take("u_T_max")
     if not run.grid or slip is None:
         return []
-    values, found = np.where(run.ok, slip, np.nan), list[tuple[float, str]]()
+    values = np.where(run.ok, slip, np.nan)
+    steps = list[tuple[float, str]]()
     for axis, name in enumerate(run.dims):
-        if run.nc[name].dtype is str or values.shape[axis] < FEWEST:
+        if run.nc[name].dtype is str or values.shape[axis] < MIN_POINTS:
             continue
-        lines = np.moveaxis(values, axis, -1)
-        step = np.abs(np.diff(lines, axis=-1))
-        ordered = np.sort(step, axis=-1)  # NaN last
-        largest, size = ordered[..., -1], np.max(np.abs(lines), axis=-1)
-        others = np.median(ordered[..., :-1], axis=-1)
-        with np.errstate(invalid="ignore"):
-            abrupt = (largest > STEEP * others) & (largest > NOTABLE * size)
-        if not abrupt.any():
-            continue
-        line = np.unravel_index(int(np.argmax(np.where(abrupt, largest, 0.0))), abrupt.shape)
-        where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
-        at = int(np.argmax(step[line]))
-        change, seen = (
-            float(step[line][at]),
-            bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any()),
-        )
-        labels, unit = run.shown(name)
-        place = f"between {run.symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
-        place += f" ({', '.join(rest)})" if (rest := run.labelled(where)) else ""
-        words = (
-            f"slip jumps {place}"
-            if seen
-            else f"slip changes by {with_unit(change, run.units, 2)} {place}"
-        )
-        found.append((change, words))
-    return [text for _, text in sorted(found, reverse=True)]
+        lines, several_on_lines = np.moveaxis(values, axis, -1), np.moveaxis(several, axis, -1)
+        steps += _abrupt_step(run, name, lines, several_on_lines)
+    return [text for _, text in sorted(steps, reverse=True)]
 
 
-LOCKS = 1.1
-"""λ₁ of a P1 mesh over that of equilibrium elements, beyond which the mesh is said to lock."""
+def _abrupt_step(
+    run: RunSeen, name: str, lines: Array, several: Flags
+) -> Iterator[tuple[float, str]]:
+    """Yield the largest abrupt step along the axis of a parameter, and its sentence."""
+    step = np.abs(np.diff(lines, axis=-1))
+    ordered = np.sort(step, axis=-1)  # NaN last
+    largest, size = ordered[..., -1], np.max(np.abs(lines), axis=-1)
+    others = np.median(ordered[..., :-1], axis=-1)
+    with np.errstate(invalid="ignore"):
+        is_abrupt = (largest > MIN_STEEPNESS * others) & (largest > MIN_STEP * size)
+    if not is_abrupt.any():
+        return
+    most_abrupt = int(np.argmax(np.where(is_abrupt, largest, 0.0)))
+    line = tuple(int(i) for i in np.unravel_index(most_abrupt, is_abrupt.shape))
+    start = int(np.argmax(step[line]))
+    change = float(step[line][start])
 
-
-def of_the_body(low: Array, high: Array, proved: NDArray[np.bool_], units: str) -> str:
-    """What is proved of the body itself: low ≤ λ₁ ≤ high and ω < low, at the points of the finest
-    level.
-
-    low, high: (P,) [units], NaN where a point was not solved
-    """
-    known = np.isfinite(low)
-    if not known.any():
-        return ""
-    at = int(np.nanargmin(low))
-    one = float(np.nanmin(low)) > (1.0 - EQUAL) * float(np.nanmax(low))
-    span = f"between {with_unit(float(low[at]), units)} and {with_unit(float(high[at]), units)}"
-    band = f"λ₁ of the body lies {span}" if one else f"λ₁ of the body is least {span}"
-    below = f"one solution for ω below {with_unit(float(low[at]), units)}"
-    count, total = int(np.count_nonzero(proved[known])), int(np.count_nonzero(known))
-    points = "this point" if total == 1 else f"{count} of {total} points"
-    here = f"; so at {points}" if count else ""
-    return f"{band}: {below}, proved of the body itself, not of the mesh{here}"
-
-
-def locks(mesh: Array, dual: Array) -> str:
-    """Where λ₁ of the mesh (P,) is far above that of equilibrium elements (P,), which do not
-    lock."""
-    ratio = float(np.nanmax(mesh / dual, initial=0.0, where=np.isfinite(dual)))
-    if not ratio > LOCKS:
-        return ""
-    return (
-        f"the mesh locks: its λ₁ is up to {number(ratio, 3)} times that of equilibrium elements, so that what is "
-        "certified of the mesh by ω < λ₁ need not hold of the body; refine, or go by what is proved of the body"
-    )
+    labels, unit = run.axis_labels(name)
+    ends = f"{labels[start]} and {labels[start + 1]} {unit}"
+    place = f"between {run.symbol(name)} = {ends}".rstrip()
+    other_dims = [dim for dim in run.dims if dim != name]
+    other_labels = run.labelled(dict(zip(other_dims, line, strict=True)))
+    if other_labels:
+        place += f" ({', '.join(other_labels)})"
+    if several[line][start : start + 2].any():
+        yield change, f"slip jumps {place}"
+    else:
+        yield change, f"slip changes by {with_unit(change, run.units, 2)} {place}"
 
 
 # -- convergence
-# -------------------------------------------------------------------------------------------------------
 
 
 def order(slope: float, error: float, digits: int = 2) -> str:
-    """A measured order ± its standard error; of two levels it has none and is marked as a guess."""
+    """Return a measured order ± its standard error; of two levels it is marked as a guess."""
     if not np.isfinite(slope):
         return "–"
-    return f"{slope:z.{digits}f}" + (f" ± {number(error, 1)}" if np.isfinite(error) else GUESS)
+    uncertainty = f" ± {number(error, 1)}" if np.isfinite(error) else GUESS
+    return f"{slope:z.{digits}f}{uncertainty}"
 
 
 GOOD = ("as_expected", "faster")
 """Verdicts of orders that are as expected or better."""
+BAD = {"slower": "slower than expected", "pre_asymptotic": "pre-asymptotic"}
+"""Verdicts of other orders, in words."""
 OPEN = {
     "too_few_levels": ("rests on two levels", "rest on two levels"),
     "exact": ("error is rounding", "errors are rounding"),
@@ -634,7 +709,7 @@ OPEN = {
 
 
 def orders(verdicts: Iterable[tuple[str, str]]) -> list[str]:
-    """Return what is said of measured orders, from the symbol of each error and its verdict.
+    """Return the judgement of measured orders, from the symbol of each error and its verdict.
 
     Only orders that can be judged are counted among those as expected: not those of two levels, of
     errors that are rounding, or beside corners that are not analysed.
@@ -651,76 +726,92 @@ def orders(verdicts: Iterable[tuple[str, str]]) -> list[str]:
     if not judged:
         return [f"no order can be judged: {', '.join(open_words)}"]
     good = sum(count[verdict] for verdict in GOOD)
-    answer = [f"{good} of {judged} orders are as expected or better"]
-    for verdict, words in (
-        ("slower", "slower than expected"),
-        ("pre_asymptotic", "pre-asymptotic"),
-    ):
-        symbols = sorted({symbol for symbol, one in measured if one == verdict})
+    facts = [f"{good} of {judged} orders are as expected or better"]
+    for bad_verdict, words in BAD.items():
+        symbols = {symbol for symbol, verdict in measured if verdict == bad_verdict}
         if symbols:
-            answer.append(f"{count[verdict]} {words}: {', '.join(symbols)}")
-    return [*answer, f"not judged: {', '.join(open_words)}"] if open_words else answer
+            facts.append(f"{count[bad_verdict]} {words}: {', '.join(sorted(symbols))}")
+    if open_words:
+        facts.append(f"not judged: {', '.join(open_words)}")
+    return facts
 
 
 # -- histories
-# ---------------------------------------------------------------------------------------------------------
+
+KINDS = {
+    "shakedown": "shake down",
+    "closed": "close their loop",
+    "settled": "have settled",
+    "walking": "walk",
+    "ratcheting": "ratchet",
+    "settling": "have not settled",
+}
+"""What the histories of a sweep do, by the kind of `cycle_change`."""
 
 
 def cycle_change(
     v: Array, dissipated: Array, units: tuple[str, str] = ("m", "J m-1"), rounding: float = 0.0
 ) -> tuple[str, str]:
-    """(its kind, the same as a sentence) of the change from cycle to cycle, from the slips at their
-    ends.
+    """Return (kind, sentence) of the change from cycle to cycle, from the slips at their ends.
 
     shakedown:  the last cycle changed no slip and dissipated nothing
-    closed:     it changed no slip;  walking, ratcheting: it changed slips as the one before did
-    settled:    it changed them otherwise, but by no more than EQUAL of the largest;  settling: by more
+    closed:     it changed no slip
+    walking:    it changed all slips alike, as the one before did
+    ratcheting: it changed slips as the one before did
+    settled:    it changed them otherwise, but by no more than EQUAL of the largest
+    settling:   it changed them by more
     "":         there are less than two
 
-    v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each;  units: of both
-    rounding: what rounding of the forces may move the slips by in a cycle
+    v:          (C + 1, m) at the start and the end of every cycle
+    dissipated: (C,) in each cycle
+    units:      of slips and of energies
+    rounding:   slip that rounding of the forces may cause in a cycle
     """
     if len(v) < 3:
         return "", ""
     size = float(np.max(np.abs(v))) or 1.0
-    last, before = v[-1] - v[-2], v[-2] - v[-3]
-    largest, same = float(np.max(np.abs(last))), max(SAME * size, rounding)
+    change, change_before = v[-1] - v[-2], v[-2] - v[-3]
+    largest, unchanged = float(np.max(np.abs(change))), max(SAME * size, rounding)
     moved = with_unit(largest, units[0], 6)
-    if largest <= same and dissipated[-1] <= SAME * float(np.max(dissipated)):
-        words = "shakedown: the last cycle leaves the slips as they were and dissipates nothing"
-        return "shakedown", words
-    if largest <= same:
-        one, two = dissipated[-2:]
-        spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
-        words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
-        if abs(two - one) <= SPENT * max(one, two) and float(np.max(np.abs(before))) <= same:
-            words = "the last two cycles dissipate the same and leave no slip behind"
-        return "closed", f"a closed loop: {words}"
-    if np.max(np.abs(last - before)) <= max(EQUAL * largest, rounding):
-        whole = np.ptp(last) <= max(EQUAL * largest, rounding)
-        kind = "walking" if whole else "ratcheting"
-        what = "moved the whole contact line by" if whole else "added slips of up to"
-        return kind, f"{kind}: the last two cycles each {what} {moved}"
+    if largest <= unchanged:
+        if dissipated[-1] <= SAME * float(np.max(dissipated)):
+            words = "the last cycle leaves the slips as they were and dissipates nothing"
+            return "shakedown", f"shakedown: {words}"
+        was_unchanged = float(np.max(np.abs(change_before))) <= unchanged
+        return "closed", f"a closed loop: {_closed_loop(dissipated, was_unchanged, units[1])}"
+    equal = max(EQUAL * largest, rounding)
+    if np.max(np.abs(change - change_before)) <= equal:
+        if np.ptp(change) <= equal:
+            words = f"the last two cycles each moved the whole contact line by {moved}"
+            return "walking", f"walking: {words}"
+        words = f"the last two cycles each added slips of up to {moved}"
+        return "ratcheting", f"ratcheting: {words}"
     if largest <= EQUAL * size:
         share = f"{largest / size:.0e}"
-        return (
-            "settled",
-            f"settled to {share} of the slip, by which the last cycle changed it at most",
-        )
+        words = f"settled to {share} of the slip, by which the last cycle changed it at most"
+        return "settled", words
+    words = f"the last cycle changed slips by up to {moved}, unlike the one before"
+    return "settling", f"not settled: {words}"
+
+
+def _closed_loop(dissipated: Array, was_unchanged: bool, units: str) -> str:
+    """Return what the last two cycles dissipate, of which the last leaves no slip behind.
+
+    was_unchanged: whether the one before left none, too
+    """
+    before, last = dissipated[-2:]
+    if abs(last - before) <= EQUAL_DISSIPATION * max(before, last) and was_unchanged:
+        return "the last two cycles dissipate the same and leave no slip behind"
+    last_energy, energy_before = (with_unit(float(spent), units, 6) for spent in (last, before))
     return (
-        "settling",
-        f"not settled: the last cycle changed slips by up to {moved}, unlike the one before",
+        f"the last cycle leaves no slip behind; it dissipates {last_energy}, "
+        f"the one before {energy_before}"
     )
 
 
-KINDS = {
-    "shakedown": "shake down", "closed": "close their loop", "settled": "have settled", "walking": "walk",
-    "ratcheting": "ratchet", "settling": "have not settled",
-}  # fmt: skip
-"""What the histories of a sweep do, by the kind of `cycle_change`."""
-
+# -- paths
 
 WHOLE = "all branches of equilibria in the range are proved to be known"
-"""Said of a path with every branch."""
+"""Of a path with every branch."""
 CONNECTED = "the connected branch only; other branches are not excluded"
-"""Said of every other path."""
+"""Of every other path."""
