@@ -161,10 +161,45 @@ MAX_LINES = 10
 """Lines of a table that are reported with faults in one column."""
 
 
+class KnownFaults:
+    """The faults that are known already, so that each is reported once."""
+
+    def __init__(self) -> None:
+        self._known: set[object] = set()
+        self._unreadable: set[Mark] = set()
+        self._lines: Counter[tuple[str, str]] = Counter()
+
+    def leave_out(self, mark: Mark) -> None:
+        """Leave further faults of this place out, since it has no value."""
+        self._unreadable.add(mark)
+
+    def is_left_out(self, mark: Mark, key: str, what: str, is_repeated: bool) -> bool:
+        """Return whether a fault needs no report; remember it for the next call.
+
+        is_repeated: whether the place is read again, for another sweep point. A fault of another
+                     value of the same key is then known as well.
+        """
+        last_word = key.rpartition(".")[2].partition("[")[0]
+        identities: set[object] = {(mark, key), (last_word, what)}
+        if mark in self._unreadable or (is_repeated and not identities.isdisjoint(self._known)):
+            return True
+        self._known |= identities
+        return False
+
+    def is_reported(self, problem: Problem) -> bool:
+        """Return whether a problem is new, and not one of too many in a column of a table."""
+        if problem in self._known:
+            return False
+        self._known.add(problem)
+        column = problem.file, problem.key  # all lines of a column have one key
+        self._lines[column] += 1
+        return self._lines[column] <= MAX_LINES
+
+
 class Collector:
     """The faults that reading a study has met, each as "problem; remedy".
 
-    Faults are collected, never raised one by one.
+    Faults are collected, never raised one by one; `KnownFaults` decides which are reported.
     point:   words for the sweep point being read; empty while the base study is read
     drawn:   whether the values of sweep points stand nowhere in the file, so that every fault must
              name the point
@@ -178,9 +213,7 @@ class Collector:
         self.drawn = False
         self.refused: list[str] | None = None
         self._count = 0
-        self._met: set[object] = set()
-        self._unreadable: set[Mark] = set()
-        self._lines: Counter[tuple[str, str]] = Counter()
+        self._known = KnownFaults()
 
     def __len__(self) -> int:
         """Return how often a fault was met, repeated ones included.
@@ -212,7 +245,7 @@ class Collector:
     def unreadable(self, mark: Mark, key: str, *sentences: str) -> None:
         """Record that a place has no value; further faults of this place are left out."""
         self.at_mark(mark, key, *sentences)
-        self._unreadable.add(mark)
+        self._known.leave_out(mark)
 
     def met_again(self) -> None:
         """Count a fault that is recorded elsewhere, so that what needs its value is left unread."""
@@ -222,23 +255,16 @@ class Collector:
         """Record a fault at a place in the file, of a key."""
         self._count += 1
         what, remedy = halves(sentences)
-        last_word = key.rpartition(".")[2].partition("[")[0]
-        # the same fault of another value of the key in a further sweep point is known as well
-        identities: set[object] = {(mark, key), (last_word, what)}
-        if mark in self._unreadable or (self.point and not identities.isdisjoint(self._met)):
+        if self._known.is_left_out(mark, key, what, is_repeated=bool(self.point)):
             return
-        self._met |= identities
         if self.point and (self.drawn or not key.startswith("sweep")):
             words = self.point if self.drawn else f"with {self.point}"
             what = f"{what} ({words})"
-            if self.drawn and remedy.startswith("write"):  # a value, where a distribution stands
-                remedy = "give a distribution of values that are possible"
+        if self.point and self.drawn and remedy.startswith("write"):
+            # a distribution stands where the remedy means a value
+            remedy = "give a distribution of values that are possible"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
-        if problem in self._met:
-            return
-        self._met.add(problem)
-        self._lines[mark.file, key] += 1
-        if self._lines[mark.file, key] <= MAX_LINES:  # a column of a table has one key
+        if self._known.is_reported(problem):
             self.problems.append(problem)
 
 

@@ -79,13 +79,14 @@ class Request:
             raise UsageError(
                 "--force computes all points again, --append keeps them; give one of these"
             )
+        name = str(self.study.source or "the study")
         if self.append and self.kind != "run":
-            what = f"{self.study.source or 'the study'} has a section {self.kind}"
+            problem = f"--append adds points of a sweep, and {name} has a section {self.kind}"
             remedy = f"leave it out, or run it with --set {self.kind}=null"
-            raise UsageError(f"--append adds points of a sweep, and {what}; {remedy}")
+            raise UsageError(f"{problem}; {remedy}")
         if self.dask is not None and self.kind in ("path", "fit"):
             raise UsageError(f"--dask: a {self.kind} has no work for others; leave it out")
-        check_kind(self.study, self.kind, str(self.study.source or "the study"))
+        check_kind(self.study, self.kind, name)
 
     @property
     def attributes(self) -> dict[str, object]:
