@@ -16,10 +16,14 @@ would do. Where the temperature is computed, η grows by the bound T of its erro
 η:    on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so that nothing cancels in
       η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (guaranteed.py).
 M:    along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal rule is no less.
+      A law b = S b̂ whose strength S varies along an edge has S in [S₁, S₂] on a part of a segment. For a
+      fixed s the expression is affine in S, hence the supremum convex in S: the larger of S₁ and S₂ serves.
       An exponential law b has a polygon within ε, and ε|x| ≤ δx² + ε²/4δ: k is less by δ/λ_low, M
-      more by ε²|Γ_C|/4δ.
-Left out: f, g, θ, given u and strengths of friction that are not as the elements have them
-(`why_no_bound`).
+      more by ε²|Γ_C|/4δ. A law may drop by J at a slip: M does not vanish where u_hT is within J/w of it,
+      and the bound stops falling there.
+Data: f that is linear on the triangles is exact (guaranteed.py); of other f and of tractions that are not linear
+      on the segments, the rest adds what oscillation.py says to η.
+Left out: prescribed u that is not linear (`why_no_bound`).
 """
 
 from __future__ import annotations
@@ -30,16 +34,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.solve import solve_block
+from tcstudy.expressions.enclosure import enclosure
+from tcstudy.expressions.expression import Expression, Scalar, is_linear
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
 from tcstudy.fem.forms import values_at
-from tcstudy.laws.composed import nodal, piecewise_linear
+from tcstudy.laws.composed import EdgeLaws, nodal, piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.heat import Recent
-from tcstudy.offline.heat_bound import HeatBounds
+from tcstudy.offline.heat_bound import HeatBounds, thermal_weight
 from tcstudy.offline.level import Level
+from tcstudy.offline.oscillation import (
+    TRIANGLE_POINTS,
+    TRIANGLE_WEIGHTS,
+    korn_constants,
+    linear_in_triangles,
+    linear_on_segments,
+    poincare,
+    trace_constants,
+)
 from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Scene
+from tcstudy.scene.records import Role, Scene
 
 Array = NDArray[np.float64]
 
@@ -57,11 +72,16 @@ POLYGON_SHARE = 3e-3
 
 @dataclass(frozen=True)
 class _Load:
-    """The load of equilibrium elements: L⁻¹F (N,), prescribed w (4e,), Σ_K ‖(I − Π)ρ‖² [J/m]."""
+    """The load of equilibrium elements.
+
+    rows:  (N,) L⁻¹F;  given: (4e,) prescribed w;  rest: Σ_K ‖(I − Π)ρ‖² [J/m]
+    oscillation: bound of what data do that the elements do not have exactly [√(J/m)]
+    """
 
     rows: Array
     given: Array
     rest: float
+    oscillation: float
 
 
 @dataclass
@@ -84,14 +104,17 @@ class ErrorBounds:
         line, law, low = level.line, self.law(scene), level.band(scene).low
         u = level.displacement(scene, v).reshape(2, -1).T
         eta, xi = self.equilibrated(scene, law, u)
-        eta += self.thermal_part(scene)
+        eta += self.thermal_part(scene) + self._load(scene).oscillation
         along = (line.ends[:, 1] - line.ends[:, 0]) / line.lengths[:, None]
         slip = np.einsum("sed,sd->se", u[line.segments], along)
         starts = [0.0, law.omega] if law.omega < low else [0.0]
         w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
-        law, polygon_error = self._polygon(law)
+        law, polygon_error = self._polygon(self.unscaled_law(scene))
+        strengths = self._strengths(scene)
+        if strengths is not None:
+            polygon_error *= float(strengths.max())
         slack = POLYGON_SHARE * low if polygon_error > 0.0 else 0.0
-        M = consistency(law, line.lengths, xi, slip, w)
+        M = consistency(law, line.lengths, xi, slip, w, strengths)
         k = 1.0 - (w + slack) / low
         M, k = M[k > 0.0], k[k > 0.0]
         if slack:
@@ -107,9 +130,14 @@ class ErrorBounds:
         return {"error_bound": bound, "error_bound_relative": relative}
 
     def thermal_part(self, scene: Scene) -> float:
-        """Return T of a computed temperature (heat_bound.py) [√(J/m)], 0 for a given one."""
-        if not (scene.material.expands and needs_heat_solve(scene)):
+        """Return T ≥ ‖θ − θ_h‖_ρ of the temperature (heat_bound.py) [√(J/m)]."""
+        theta = scene.heat.theta
+        if not scene.material.expands or not (
+            needs_heat_solve(scene) or isinstance(theta, Expression)
+        ):
             return 0.0
+        if isinstance(theta, Expression):
+            return 0.0 if is_linear(theta) else self._interpolation_error(scene, theta)
         return self._heat.bound(scene, self.level.temperature(scene).theta)
 
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
@@ -163,13 +191,18 @@ class ErrorBounds:
         if scene.material.expands:
             corner_theta = level.temperature(scene).theta[mesh.triangles]
             thermal_stress = mesh.of_material(scene, "beta")[:, None] * corner_theta
-        f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
-        F, rest = dual.elements.volume_load(f, thermal_stress)
+        f, slope, oscillation2 = self._body_force(scene)
+        F, rest = dual.elements.volume_load(f, thermal_stress, slope)
         traction = np.zeros((len(mesh.segments), 2, 2))  # in x and y at the Gauss points
         for name, role in scene.boundary:
             on = mesh.on(name)
             points, normals = dual.gauss_points[on], mesh.boundary.normal[on]
             traction[on] = acting(mesh, name, role, points, normals)
+            if not all(is_linear(term.value) for term in role.traction_terms):
+                linear, edge_rest = self._linear_traction(role, on)
+                traction[on] += linear - self._traction(role, on, points)
+                weights = trace_constants(mesh)[on] * self._korn(scene)[mesh.owner[on]]
+                oscillation2 += float(weights**2 @ edge_rest)
         edge_loads = np.zeros((2, 2, len(dual.elements.axes)))
         half = 0.5 * mesh.boundary.length
         edge_loads[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.axes)
@@ -177,7 +210,99 @@ class ErrorBounds:
         given = np.where(dual.held, dual.rows(prescribed), 0.0)
         F += edge_loads.ravel() - factor * (dual.K @ given)
         rows = dual.condensation.forward(F if dual.ties is None else dual.ties.T @ F)
-        return _Load(rows, given, rest)
+        return _Load(rows, given, rest, float(np.sqrt(oscillation2)))
+
+    def _body_force(self, scene: Scene) -> tuple[Array, Array | None, float]:
+        """Return f at the centres, the slopes of a linear f, and the square of what its rest can do.
+
+        f: (2,), or (t, 1, 2) where it varies;  slopes: (t, 2, 2), None for a constant f
+        """
+        mesh = self.level.mesh
+        numbers = [component for component in scene.f if not isinstance(component, Expression)]
+        if len(numbers) == 2:
+            return np.array(numbers, dtype=float), None, 0.0
+        corner_values, oscillation2 = [], 0.0
+        for component in scene.f:
+            if is_linear(component):
+                corner_values.append(values_at(component, mesh.corners))
+                continue
+            linear, rest = linear_in_triangles(mesh, component)
+            corner_values.append(linear)
+            oscillation2 += float((poincare(mesh) * self._korn(scene)) ** 2 @ rest)
+        at_corners = np.stack(corner_values, axis=2)
+        slope = np.einsum("tki,tkc->tic", at_corners, mesh.slopes)
+        return at_corners.mean(axis=1, keepdims=True), slope, oscillation2
+
+    def _korn(self, scene: Scene) -> Array:
+        """Return R_K/√2μ (t,) of oscillation.py."""
+        mesh = self.level.mesh
+        lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
+        return korn_constants(mesh) / np.sqrt(2.0 * np.minimum(mu, lam + mu))
+
+    def _linear_traction(self, role: Role, on: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Return the linear part (k, 2, 2) of a traction at the Gauss points, and ‖rest‖² (k,)."""
+        return linear_on_segments(
+            self.level.mesh, lambda points: self._traction(role, on, points), on
+        )
+
+    def _traction(self, role: Role, on: NDArray[np.bool_], points: Array) -> Array:
+        """Return the traction of a role at points (k, q, 2) of the segments `on`."""
+        normals = self.level.mesh.boundary.normal[on][:, None]
+        all_normals = np.broadcast_to(normals, points.shape)
+        return role.traction(all_normals, lambda value: values_at(value, points))
+
+    def _interpolation_error(self, scene: Scene, theta: Expression) -> float:
+        """Return ‖θ − θ_h‖_ρ of a given temperature and its values at the nodes, by quadrature."""
+        mesh = self.level.mesh
+        rho = thermal_weight(mesh, scene)
+        points = np.einsum("qc,tcd->tqd", TRIANGLE_POINTS, mesh.corners)
+        interpolated = values_at(theta, mesh.corners) @ TRIANGLE_POINTS.T
+        error = values_at(theta, points) - interpolated
+        return float(np.sqrt((rho * mesh.area) @ (error**2 @ TRIANGLE_WEIGHTS)))
+
+    def unscaled_law(self, scene: Scene) -> Laws:
+        """Return the law of every segment of Γ_C, without a strength that varies along an edge."""
+        friction, line = scene.friction, self.level.line
+        if isinstance(friction, Laws) or not self._varying(scene):
+            return self.law(scene)
+        index, strength = friction.along(line.edge_names, line.segment_edge, line.ends.mean(axis=1))
+        varying = np.array([_varies(factor) for _, _, factor in friction.laws])
+        strength = np.where(varying[index], 1.0, strength)
+        return nodal([law for _, law, _ in friction.laws], index, strength)
+
+    def _varying(self, scene: Scene) -> bool:
+        friction = scene.friction
+        return isinstance(friction, EdgeLaws) and any(
+            _varies(factor) for _, _, factor in friction.laws
+        )
+
+    def _strengths(self, scene: Scene) -> Array | None:
+        """Return the least and largest strength (2, s, PARTS) on parts of segments.
+
+        It is 1 where the strength is a number, and None if it is a number everywhere.
+        """
+        friction, line = scene.friction, self.level.line
+        if isinstance(friction, Laws) or not self._varying(scene):
+            return None
+        index, _ = friction.along(line.edge_names, line.segment_edge, line.ends.mean(axis=1))
+        places = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
+        first, second = line.ends[:, :1], line.ends[:, 1:]
+        points = (1.0 - places) * first + places * second
+        lower = np.minimum(points[:, :-1], points[:, 1:])
+        upper = np.maximum(points[:, :-1], points[:, 1:])
+        strengths = np.ones((2, *lower.shape[:2]))
+        for k, (_, _, factor) in enumerate(friction.laws):
+            on = index == k
+            if not _varies(factor):
+                continue
+            if is_linear(factor):
+                values = values_at(factor, points[on])
+                pair = np.stack([values[:, :-1], values[:, 1:]])
+                strengths[:, on] = pair.min(axis=0), pair.max(axis=0)
+            else:
+                boxes = [(lower[on][..., axis], upper[on][..., axis]) for axis in (0, 1)]
+                strengths[:, on] = enclosure(factor, *boxes)
+        return np.maximum(strengths, 0.0)
 
     def law(self, scene: Scene) -> Laws:
         """Return the law of every segment of Γ_C."""
@@ -188,10 +313,22 @@ class ErrorBounds:
         return nodal([law for _, law, _ in friction.laws], index, strength)
 
 
-def consistency(law: Laws, lengths: Array, xi: Array, slip: Array, w: Array) -> Array:
+def _varies(factor: Scalar) -> bool:
+    return isinstance(factor, Expression) and factor.constant is None
+
+
+def consistency(
+    law: Laws,
+    lengths: Array,
+    xi: Array,
+    slip: Array,
+    w: Array,
+    strengths: Array | None = None,
+) -> Array:
     """Return M of the module's text (k,), or an upper bound of it, for several w (k,) [J/m].
 
-    lengths: (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends of segments of Γ_C
+    lengths:   (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends of segments of Γ_C
+    strengths: (2, s, PARTS) least and largest factors of b on parts of the segments, None for 1
     """
     x = np.linspace(0.0, 1.0, PARTS + 1)
 
@@ -199,28 +336,45 @@ def consistency(law: Laws, lengths: Array, xi: Array, slip: Array, w: Array) -> 
         return np.multiply.outer(ends[:, 0], 1.0 - x) + np.multiply.outer(ends[:, 1], x)
 
     traction, v = along_segments(xi), along_segments(slip)
-    suprema = np.empty((len(w), *v.shape))
+    mean = np.empty((len(w), len(lengths)))
     for segment_law, segments in law.groups(len(lengths)):
-        suprema[:, segments] = _suprema(
-            segment_law, traction[segments], v[segments], w[:, None, None]
+        factors = None if strengths is None else strengths[:, segments]
+        mean[:, segments] = _mean_suprema(
+            segment_law, traction[segments], v[segments], w[:, None, None], factors
         )
-    mean = suprema @ np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]]) / PARTS
     traction_change, slip_change = xi[:, 1] - xi[:, 0], slip[:, 1] - slip[:, 0]
     # the trapezoidal rule less the integral of ξ*v + wv²
     excess = (traction_change + w[:, None] * slip_change) * slip_change / (6.0 * PARTS**2)
     return np.asarray(np.maximum(mean + excess, 0.0) @ lengths)
 
 
-def _suprema(law: Laws, xi: Array, v: Array, w: Array) -> Array:
-    """Return sup of (ξ* − b(s))(s − v) − w(s − v)² over the graph of a piecewise-linear law.
+def _mean_suprema(law: Laws, xi: Array, v: Array, w: Array, strengths: Array | None) -> Array:
+    """Return means (k, s) of suprema along segments by the trapezoidal rule on their parts.
 
-    w > 0; all arrays are broadcast.
+    xi, v: (s, PARTS + 1);  w: (k, 1, 1);  strengths: (2, s, PARTS) or None
+    """
+    if strengths is None:
+        suprema = _suprema(law, xi, v, w)
+        weights = np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]])
+        return np.asarray(suprema @ weights / PARTS)
+    total = np.zeros((len(w), len(xi)))
+    for ends in (slice(None, -1), slice(1, None)):
+        # the supremum is convex in the strength: it is largest at one of its ends
+        least, largest = (_suprema(law, xi[:, ends], v[:, ends], w, part) for part in strengths)
+        total += 0.5 * np.maximum(least, largest).mean(axis=2)
+    return total
+
+
+def _suprema(law: Laws, xi: Array, v: Array, w: Array, strength: Array | float = 1.0) -> Array:
+    """Return sup of (ξ* − Sb(s))(s − v) − w(s − v)² over the graph of a piecewise-linear law.
+
+    w > 0, S ≥ 0 the strength; all arrays are broadcast.
     """
     suprema = np.zeros(np.broadcast_shapes(v.shape, w.shape))  # s = v
     for low, high, s_0, b_0, q in zip(law.lower, law.upper, law.s_0, law.b_0, law.q, strict=True):
         # (slope − curvature·x) x with x = s − v; unbounded pieces have q ≥ 0
-        slope = xi - b_0 - q * (v - s_0)
-        curvature = q + w
+        slope = xi - strength * b_0 - strength * q * (v - s_0)
+        curvature = strength * q + w
         vertex = slope / np.where(curvature > 0.0, 2.0 * curvature, np.inf)
         candidates = [np.clip(vertex, low - v, high - v)]
         candidates += [end - v for end in (low, high) if np.isfinite(end)]

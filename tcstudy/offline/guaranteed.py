@@ -42,7 +42,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -54,6 +54,7 @@ from tcstudy.contact.problem import CondensedBody, least_eigenpair
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.forms import ContactLine, edge_arms, unknown
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.offline.oscillation import TRIANGLE_POINTS, TRIANGLE_WEIGHTS
 from tcstudy.scene.records import Point, Role, Scene
 from tcstudy.shapes.edges import GAUSS, TriangleGeometry, segment_mass
 
@@ -147,6 +148,99 @@ def _reference() -> tuple[Array, Array]:
     return N, 0.5 * np.einsum("ge,keij->kgij", at_gauss, np.array(end_tractions))
 
 
+MIDDLES = np.array([[0, 1], [1, 2], [2, 0]])
+"""Corners of a part between which its quadratic functions have their other nodes."""
+
+
+class QuadraticFields(NamedTuple):
+    """Stresses τ̂ of the reference triangle with div τ̂ = −(x̂_c − ⅓)e_i, by i and c.
+
+    They are quadratic on the parts; their tractions are continuous inside and linear on the sides.
+
+    stress:   (3, 6, 3, 2, 2) by part, node (corners, then middles), component xx, yy, xy, and i, c
+    traction: (3, 2, 2, 2, 2) τ̂n̂|ê|/2 by side, Gauss point and axis, and i, c
+    """
+
+    stress: Array
+    traction: Array
+
+
+@cache
+def _quadratic_fields() -> QuadraticFields:
+    conditions = list[Array]()
+    values = list[Array]()
+
+    def require(condition: Array, value: Array) -> None:
+        conditions.append(condition.ravel())
+        values.append(value.ravel())
+
+    nothing = np.zeros((2, 2))
+    for k, part in enumerate(PARTS):
+        for corner in CORNERS[part]:  # the divergence is linear: three points
+            for axis, (first, second) in enumerate(((0, 2), (2, 1))):
+                condition, value = np.zeros((3, 3, 6)), np.zeros((2, 2))
+                condition[k, first], condition[k, second] = _monomial_slopes(corner)
+                value[axis] = 1.0 / 3.0 - corner
+                require(condition, value)
+        # τn is continuous at the inner side that the part shares with the next one
+        inner_side = CORNERS[3] - CORNERS[part[1]]
+        for share in (0.0, 0.5, 1.0):
+            monomials = _monomials(CORNERS[part[1]] + share * inner_side)
+            for traction in _traction(np.array([inner_side[1], -inner_side[0]])):
+                condition = np.zeros((3, 3, 6))
+                condition[k] = np.outer(traction, monomials)
+                condition[(k + 1) % 3] = -condition[k]
+                require(condition, nothing)
+        # no second difference of τn along the outer side
+        start, end = CORNERS[part[0]], CORNERS[part[1]]
+        bend = _monomials(start) - 2.0 * _monomials(0.5 * (start + end)) + _monomials(end)
+        for traction in _traction(np.array([end[1] - start[1], start[0] - end[0]])):
+            condition = np.zeros((3, 3, 6))
+            condition[k] = np.outer(traction, bend)
+            require(condition, nothing)
+    coefficients = np.linalg.lstsq(np.array(conditions), np.array(values), rcond=None)[0]
+    coefficients = coefficients.reshape(3, 3, 6, 2, 2)
+    nodes = CORNERS[PARTS]
+    nodes = np.concatenate([nodes, nodes[:, MIDDLES].mean(axis=2)], axis=1)
+    at_nodes = np.array([[_monomials(node) for node in part_nodes] for part_nodes in nodes])
+    stress = np.einsum("pnm,pcmij->pncij", at_nodes, coefficients)
+    tractions = []
+    for k, (start, end) in enumerate(CORNERS[SIDES]):
+        of_stress = _traction(np.array([end[1] - start[1], start[0] - end[0]]))
+        at_gauss = np.array([_monomials((1.0 - g) * start + g * end) for g in GAUSS])
+        tractions.append(0.5 * np.einsum("ac,gm,cmij->gaij", of_stress, at_gauss, coefficients[k]))
+    return QuadraticFields(stress, np.array(tractions))
+
+
+def _monomials(point: Array) -> Array:
+    """Return 1, x, y, x², xy, y² (6,) at a point."""
+    x, y = point
+    return np.array([1.0, x, y, x * x, x * y, y * y])
+
+
+def _monomial_slopes(point: Array) -> tuple[Array, Array]:
+    """Return ∂/∂x and ∂/∂y (6,) of the monomials at a point."""
+    x, y = point
+    return np.array([0.0, 1.0, 0.0, 2.0 * x, y, 0.0]), np.array([0.0, 0.0, 1.0, 0.0, x, 2.0 * y])
+
+
+@cache
+def _quadratic_samples() -> tuple[Array, Array]:
+    """Return the maps (3, 6) and (6, 6) from the nodes of quadratic functions on a part.
+
+    The first gives the weighted corner values (WEIGHT) of the L² projection onto linear functions,
+    the second numbers whose squares sum to the square of the rest.
+    """
+    bary = TRIANGLE_POINTS
+    roots = np.sqrt(TRIANGLE_WEIGHTS / 6.0)[:, None]
+    corner_functions = bary * (2.0 * bary - 1.0)
+    middle_functions = 4.0 * bary[:, MIDDLES[:, 0]] * bary[:, MIDDLES[:, 1]]
+    quadratic = roots * np.column_stack([corner_functions, middle_functions])
+    orthonormal = roots * bary @ np.linalg.inv(WEIGHT)
+    projected = orthonormal.T @ quadratic
+    return projected, np.asarray(np.linalg.qr(quadratic - orthonormal @ projected, mode="r"))
+
+
 def _traction(n: Array) -> Array:
     """Return the map (2, 3) from (xx, yy, xy) to σn."""
     return np.array([[n[0], 0.0, n[1]], [0.0, n[1], n[0]]])
@@ -177,10 +271,13 @@ class Elements:
         half, _ = self._factors("r")
         return np.matmul(np.swapaxes(half, 1, 2), half)
 
-    def volume_load(self, f: Array, theta: Array) -> tuple[Array, float]:
+    def volume_load(
+        self, f: Array, theta: Array, slope: Array | None = None
+    ) -> tuple[Array, float]:
         """Return the load (4e,) of f and βθ, and ‖(I − Π)ρ‖² of ρ = τ_p + βθI.
 
-        f: (2,) [N/m³];  theta: (t, 3) βθ at the corners [Pa]
+        f:     (2,) or, at the centres, (t, 1, 2) [N/m³];  theta: (t, 3) βθ at the corners [Pa]
+        slope: (t, 2, 2) ∂f_i/∂x_c of a linear f [N/m⁴]
         Π: projection onto the stresses N in the norm of complementary energy
         """
         half, Q = self._factors("reduced")
@@ -189,7 +286,15 @@ class Elements:
         tau = f * (corners[:, 3:] - corners)  # (t, 4, 2) xx and yy of τ_p
         rho = tau + np.column_stack([theta, theta.mean(axis=1)])[..., None]
         xx, yy = np.einsum("ij,tpjc->ctpi", WEIGHT, rho[:, PARTS])
-        samples = self._samples(xx, yy, np.zeros_like(xx))
+        xy, rest2 = np.zeros_like(xx), 0.0
+        if slope is not None:
+            quadratic, moments_of_slope = self._quadratic_stress(slope)
+            projected, complement = _quadratic_samples()
+            linear = np.einsum("sn,tpncd->cdtps", projected, quadratic)
+            xx, yy, xy = xx + linear[0, 0], yy + linear[1, 1], xy + linear[0, 1]
+            rest = np.einsum("sn,tpncd->cdtps", complement, quadratic)
+            rest2 = float(np.sum(self._samples(rest[0, 0], rest[1, 1], rest[0, 1]) ** 2))
+        samples = self._samples(xx, yy, xy)
         coefficients = np.einsum("tsn,ts->tn", Q, samples)
         remainder = samples - np.einsum("tsn,tn->ts", Q, coefficients)
         side = corners[:, SIDES[:, 1]] - corners[:, SIDES[:, 0]]
@@ -200,10 +305,26 @@ class Elements:
         outward = 0.5 * np.stack([side[..., 1], -side[..., 0]], axis=-1)
         axes = self.axes[edge_of_side]
         moments = np.einsum("tkga,tka,tkab->tkgb", tau_gauss, outward, axes).reshape(-1, 12)
+        if slope is not None:
+            moments = moments + np.einsum("tkga,tkab->tkgb", moments_of_slope, axes).reshape(-1, 12)
         triangle_loads = np.einsum("tnk,tn->tk", half, coefficients) - moments
         load = np.zeros(4 * len(self.axes))
         np.add.at(load, self.local_rows, triangle_loads)
-        return load, float(np.sum(remainder**2))
+        return load, float(np.sum(remainder**2)) + rest2
+
+    def _quadratic_stress(self, slope: Array) -> tuple[Array, Array]:
+        """Return the stress of f = slope·(x − x_z) and its moments at the sides' Gauss points.
+
+        Stress: (t, 3, 6, 2, 2) by part and node;  moments: (t, 3, 2, 2) in x and y
+        """
+        fields = _quadratic_fields()
+        B, det = self._maps
+        # div(Bτ̂Bᵀ) = B div τ̂, so that the reference triangle carries B⁻¹f
+        reference_slope = np.linalg.solve(B, slope @ B)
+        components = np.einsum("pncij,tij->tpnc", fields.stress, reference_slope)
+        stress = np.einsum("tab,cbd,ted,tpnc->tpnae", B, TENSORS, B, components, optimize=True)
+        traction = np.einsum("kgaij,tij->tkga", fields.traction, reference_slope)
+        return stress, np.einsum("t,tab,tkgb->tkga", det, B, traction)
 
     def _factors(self, mode: Literal["r", "reduced"]) -> tuple[Array, Array]:
         """Return R⁻ᵀPᵀ (t, 9, 12) and, in mode "reduced", Q (t, 27, 9).
@@ -236,18 +357,18 @@ class Elements:
         return B, np.linalg.det(B)
 
     def _samples(self, xx: Array, yy: Array, xy: Array) -> Array:
-        """Return numbers (t, 27, …) whose squares sum to ∫c⁻¹σ : σ.
+        """Return numbers (t, 9k, …) whose squares sum to ∫c⁻¹σ : σ.
 
         c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ)
-        xx, yy, xy: (t, 3, 3, …) a stress that is linear on the parts of the triangles, by part and
-        weighted corner
+        xx, yy, xy: (t, 3, k, …) a stress on the parts of the triangles, by part and k weighted
+        values, three of a linear stress
         """
         _, det = self._maps
         by_triangle = (-1, *(1,) * (xx.ndim - 1))
         shear = np.sqrt(det / (2.0 * self.mu)).reshape(by_triangle)
         bulk = np.sqrt(det / (4.0 * (self.lam + self.mu))).reshape(by_triangle)
         parts = np.sqrt(0.5) * shear * (xx - yy), np.sqrt(2.0) * shear * xy, bulk * (xx + yy)
-        return np.concatenate(parts, axis=2).reshape(len(xx), 27, *xx.shape[3:])
+        return np.concatenate(parts, axis=2).reshape(len(xx), -1, *xx.shape[3:])
 
 
 ROUNDINGS = 4.0

@@ -19,10 +19,8 @@ M_h:   M²_h = κ²_h + max ρ(h_K/j₁₁)²/k, κ²_h the largest eigenvalue o
            [K̂ + diag αh/2, 0, B; 0, −A, F; Bᵀ, Fᵀ, t²/ρ|K| − 1/s]
        has as many negative pivots as A (P1) has rows if and only if κ_h < t.
 Data:  sources that vary on a triangle, fluxes and θ̄ that are not linear on a segment: their means and linear
-       parts go into p, the rest r of each adds to η²_θ h²_K/j²₁₁ ‖r‖²/k of a source, (h²_K/j²₁₁ + h²_K/j₁₁)
-       |E|/|K| ‖r‖²_E/k of a flux, and α‖r‖²_E of θ̄. These norms are by quadrature.
-Literature: R. S. Laugesen and B. A. Siudeja, J. Differential Equations 249 (2010) 118–135 (j₁₁); X. Liu and
-       S. Oishi, SIAM J. Numer. Anal. 51 (2013) 1634–1654 (the constant M_h); method §5.
+       parts go into p, and the rest adds to η²_θ what oscillation.py says, α‖rest‖² of θ̄.
+Literature: X. Liu and S. Oishi, SIAM J. Numer. Anal. 51 (2013) 1634–1654 (the constant M_h); method §5.
 Left out: held temperatures that are not linear on an edge.
 
 All up to rounding.
@@ -46,14 +44,18 @@ from tcstudy.expressions.expression import Expression, Scalar
 from tcstudy.fem.forms import values_at
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.heat import Recent, relative_k, to_digits
+from tcstudy.offline.oscillation import (
+    linear_on_segments,
+    mean_in_triangles,
+    poincare,
+    trace_constants,
+)
 from tcstudy.scene.records import Scene
 from tcstudy.shapes.edges import GAUSS, segment_mass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-J_11 = 3.8317059702075125
-"""First positive zero of the Bessel function J₁: ‖v − v̄‖_K ≤ (h_K/j₁₁)‖∇v‖_K on a triangle."""
 LANCZOS_TOLERANCE = 0.03
 """Relative accuracy of κ²_h from Lanczos: T is small beside η of the displacement."""
 LANCZOS_VECTORS = 6
@@ -63,21 +65,6 @@ MAX_ROUNDING = 1e-6
 """Largest rounding error of the pivots, relative to the matrix, with which a count of signs is believed.
 
 The smallest margin changes the last block, scaled to 1, by 0.02."""
-EDGE_POINTS, EDGE_WEIGHTS = np.polynomial.legendre.leggauss(8)
-EDGE_POINTS = 0.5 + 0.5 * EDGE_POINTS
-EDGE_WEIGHTS = 0.5 * EDGE_WEIGHTS
-"""Quadrature of data along a segment."""
-TRIANGLE_POINTS = np.array(
-    [[(1.0 - x) * (1.0 - y), x * (1.0 - y), y] for x in EDGE_POINTS for y in EDGE_POINTS]
-)
-TRIANGLE_WEIGHTS = np.array(
-    [
-        2.0 * a * b * (1.0 - y)
-        for a in EDGE_WEIGHTS
-        for b, y in zip(EDGE_WEIGHTS, EDGE_POINTS, strict=True)
-    ]
-)
-"""Quadrature of data in a triangle, in barycentric coordinates; the weights sum to 1."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +80,12 @@ class HeatData:
     rho: Array
     alpha: Array
     held: NDArray[np.bool_]
+
+
+def thermal_weight(mesh: PlaneMesh, scene: Scene) -> Array:
+    """Return ρ = β²/(λ + μ) (t,) of the triangles [Pa/K²]."""
+    beta, lam, mu = (mesh.of_material(scene, name) for name in ("beta", "lam", "mu"))
+    return beta**2 / (lam + mu)
 
 
 class FluxElements:
@@ -214,27 +207,20 @@ class HeatBounds:
     def data(self, scene: Scene) -> HeatData:
         """Return conductivity, weight, exchange and held segments of a scene."""
         mesh = self.mesh
-        k, beta, lam, mu = (mesh.of_material(scene, name) for name in ("k", "beta", "lam", "mu"))
+        k = mesh.of_material(scene, "k")
         alpha, held = np.zeros(len(mesh.segments)), np.zeros(len(mesh.segments), dtype=bool)
         for name, value, _ in scene.exchange:
             alpha[mesh.on(name)] = value
         for name, _ in scene.held_theta:
             held |= mesh.on(name)
-        return HeatData(k, beta**2 / (lam + mu), alpha, held)
+        return HeatData(k, thermal_weight(mesh, scene), alpha, held)
 
     def _on_segments(self, scalar: Scalar, on: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Return the linear part (s, 2) at the Gauss points of segments, and ‖rest‖² (s,)."""
-        first, second = np.moveaxis(self.mesh.points[np.sort(self.mesh.segments[on], axis=1)], 1, 0)
+        """Return the linear part (k, 2) at the Gauss points of segments, and ‖rest‖² (k,)."""
         if not isinstance(scalar, Expression):
-            return np.full((len(first), 2), float(scalar)), np.zeros(len(first))
-        x = EDGE_POINTS[None, :, None]
-        values = values_at(scalar, (1.0 - x) * first[:, None] + x * second[:, None])
-        mean = values @ EDGE_WEIGHTS
-        slope = 12.0 * (values @ (EDGE_WEIGHTS * (EDGE_POINTS - 0.5)))
-        rest = values - mean[:, None] - np.multiply.outer(slope, EDGE_POINTS - 0.5)
-        lengths = self.mesh.boundary.length[on]
-        linear = mean[:, None] + np.multiply.outer(slope, GAUSS - 0.5)
-        return linear, (rest**2 @ EDGE_WEIGHTS) * lengths
+            n = int(on.sum())
+            return np.full((n, 2), float(scalar)), np.zeros(n)
+        return linear_on_segments(self.mesh, lambda points: values_at(scalar, points), on)
 
     def _sources(self, scene: Scene) -> tuple[Array, Array]:
         """Return the total heat (t,) of triangles [W/m], and ‖q − q̄‖² (t,)."""
@@ -242,10 +228,8 @@ class HeatBounds:
         inside = mesh.inside(scene.heat.omega)
         if not isinstance(q, Expression):
             return float(q) * inside * mesh.area, np.zeros(len(inside))
-        values = values_at(q, np.einsum("qc,tcd->tqd", TRIANGLE_POINTS, mesh.corners))
-        mean = values @ TRIANGLE_WEIGHTS
-        rest = (values - mean[:, None]) ** 2 @ TRIANGLE_WEIGHTS
-        return mean * inside * mesh.area, rest * inside * mesh.area
+        mean, rest = mean_in_triangles(mesh, q)
+        return np.where(inside, mean, 0.0) * mesh.area, np.where(inside, rest, 0.0)
 
     # -- the energy of the error -------------------------------------------------------------------
 
@@ -257,15 +241,13 @@ class HeatBounds:
         half = 0.5 * mesh.boundary.length
         number, n_edges = elements.number, elements.n_edges
         heat, source_rest = self._sources(scene)
-        eta2 = float((mesh.diameter / J_11) ** 2 / data.k @ source_rest)
+        eta2 = float(poincare(mesh) ** 2 / data.k @ source_rest)
         flux, ambient = np.zeros((len(half), 2)), np.zeros((len(half), 2))
-        owner = mesh.owner
-        trace = mesh.boundary.length / mesh.area[owner] * mesh.diameter[owner] ** 2
-        trace = trace * (1.0 / J_11**2 + 1.0 / J_11) / data.k[owner]
+        trace2 = trace_constants(mesh) ** 2 / data.k[mesh.owner]
         for name, value in scene.flux:
             on = mesh.on(name)
             flux[on], rest = self._on_segments(value, on)
-            eta2 += float(trace[on] @ rest)
+            eta2 += float(trace2[on] @ rest)
         for name, alpha, theta_bar in scene.exchange:
             on = mesh.on(name)
             ambient[on], rest = self._on_segments(theta_bar, on)
@@ -343,7 +325,7 @@ class HeatBounds:
         """Return M_h for k and ρ relative to the body's k and the largest ρ [m]."""
         conductivity = scene.material.k or 1.0
         k, rho = data.k / conductivity, data.rho / data.rho.max()
-        poincare2 = float(np.max(self.mesh.diameter**2 * rho / k)) / J_11**2
+        poincare2 = float(np.max(poincare(self.mesh) ** 2 * rho / k))
         pair = CompliancePair(self, scene, data, rho)
         kappa2 = pair.largest()
         for margin in MARGINS:

@@ -1,8 +1,10 @@
 """Is the error of random scenes within its bound? `python -m tests.benchmarks.error_bounds [COUNT]
-[--first SEED]`.
+[--first SEED] [--kind KIND]`.
 
 Scenes of tests/verification/test_error_bound.py: bodies of 1 cm to 100 m as in test_guaranteed.py,
 all kinds of loads, laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice.
+KIND: "heat" for computed temperatures, or one of that file's kinds of data that the elements do not
+have.
 Cost: CPU time of a bound over that of the P1 factorisation of the same mesh.
 """
 
@@ -12,16 +14,21 @@ import numpy as np
 
 from tcstudy.errors import GeometryFailed
 from tests.benchmarks.cases import options
-from tests.verification.test_error_bound import bounded, loaded_scene_of
+from tests.verification.test_error_bound import bounded, loaded_scene_of, varied_scene_of
+from tests.verification.test_heat_bound import heated_scene_of
 
 
 def main() -> None:
-    asked = options(__doc__, "count=500", first=0)
+    asked = options(__doc__, "count=500", first=0, kind="")
     below, ratios, steep, refused = [], [], [], 0
     for seed in range(asked.first, asked.first + asked.count):
         clock = time.process_time()
         try:
             text, share = loaded_scene_of(seed)
+            if asked.kind == "heat":
+                text, share = heated_scene_of(seed)
+            elif asked.kind:
+                text = varied_scene_of(seed, asked.kind)
         except GeometryFailed:
             refused += 1
             continue

@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import prolongation
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.error_bound import ErrorBounds
-from tcstudy.offline.heat_bound import (
-    TRIANGLE_POINTS,
-    TRIANGLE_WEIGHTS,
-    CompliancePair,
-    HeatBounds,
-)
+from tcstudy.offline.heat_bound import CompliancePair, HeatBounds
+from tcstudy.offline.oscillation import TRIANGLE_POINTS, TRIANGLE_WEIGHTS
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
 from tests.verification.test_error_bound import bounded, loaded_scene_of
