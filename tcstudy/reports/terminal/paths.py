@@ -1,9 +1,8 @@
-"""What the files of paths and load histories say: a sentence, their tables, and what happens along
-them."""
+"""Verdicts, tables and sentences on the files of paths and load histories."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -15,7 +14,7 @@ from tcstudy.data.files import SHORTFALLS
 from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES, PointStatus
 from tcstudy.reports import sentences
-from tcstudy.reports.select_point import describe
+from tcstudy.reports.select_point import axis_symbol, describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
 from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import (
@@ -39,44 +38,50 @@ from tcstudy.reports.text import (
 from tcstudy.scene.histories import AT_REST
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-MOST_ROWS = 60
+MAX_ROWS = 60
 """Solutions that are listed; the file has them all."""
 STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
-"""What a contact node does, by ContactState."""
+"""State of a contact node in words, by ContactState."""
 
 
-# -- paths
-# -------------------------------------------------------------------------------------------------------------
+# -- the verdict of a path
+
+MIN_FOLD = 0.005
+"""Part of the range by which the parameter turns back at a fold; older files list smaller turns."""
 
 
 def folds_of(data: Any) -> NDArray[np.intp]:
-    """Vertices of the folds; older files list smaller turns, too, with how far t steps back at
-    each."""
-    found = (
-        data["fold_vertex"].values.astype(np.intp)
-        if "fold_vertex" in data
-        else np.zeros(0, dtype=np.intp)
-    )
+    """Return the vertices of the folds of a path.
+
+    Older files list smaller turns, too, with the size by which the parameter turns back at each.
+    """
+    if "fold_vertex" not in data:
+        return np.zeros(0, dtype=np.intp)
+    vertices = data["fold_vertex"].values.astype(np.intp)
     if "fold_size" not in data:
-        return found
-    return found[
-        data["fold_size"].values >= 0.005 * abs(float(np.diff(data.attrs["parameter_range"])[0]))
-    ]
+        return vertices
+    first, last = data.attrs["parameter_range"]
+    return vertices[data["fold_size"].values >= MIN_FOLD * abs(float(last - first))]
 
 
 NEAREST = 1e-9
 """Part of the range within which two values of the parameter are one."""
-MOST_INTERVALS, MOST_SNAPS = 3, 2
-"""Intervals with the largest number of equilibria and snap-backs that a verdict names."""
+MAX_INTERVALS = 3
+"""Intervals with the largest number of equilibria that a verdict names."""
+MAX_SNAP_BACKS = 2
+"""Snap-backs that a verdict names."""
+MAX_JUMPS = 3
+"""Jumps of a loop of which a verdict names every place."""
 
 
 def path_verdict(data: Any) -> Verdict:
-    """Return what the file of a path says first: the peak, snap-backs, equilibria, the loop."""
+    """Return the verdict of a path: the peak, snap-backs, equilibria, the hysteresis loop."""
     unit = Unit.of_parameter(data)
     answer = [_peak(data, unit), _snap_backs(data, unit), *_equilibria(data, unit)]
     shortfalls = str(data.attrs.get(SHORTFALLS, "")).splitlines()
-    segments = int(data.sizes.get("piece", len(data["parameter"]) - 1))
+    segments = _segments(data)
     solved = counted(segments, "segment")
     if segments:
         solved += f"; residual ≤ {number(float(data['residual'].max()), 2)}"
@@ -96,16 +101,15 @@ def path_verdict(data: Any) -> Verdict:
 
 @dataclass(frozen=True)
 class Unit:
-    """One unit for all values of a parameter, so that those of a line can be compared."""
+    """The unit of all values of a parameter, so that those of a line can be compared."""
 
     divisor: float
     name: str
 
     @classmethod
     def of_parameter(cls, data: Any) -> Unit:
-        """Return the unit that suits the range of a path's parameter."""
-        low, high = (float(end) for end in data.attrs["parameter_range"])
-        return cls(*prefix([low, high], data["parameter"].attrs["units"]))
+        """Return the unit that suits the range of the parameter of a path."""
+        return cls(*prefix(_range(data), data["parameter"].attrs["units"]))
 
     def number(self, value: Any) -> str:
         """Return a value in this unit, without it."""
@@ -117,21 +121,14 @@ class Unit:
         return f"{texts} {pretty(self.name)}".rstrip()
 
 
-def _peak(data: Any, unit: Unit) -> str:
-    """Return the largest friction of the path in its range, and where it is."""
+def _range(data: Any) -> tuple[float, float]:
+    """Return the ends of the range of the parameter, the smaller one first."""
     low, high = sorted(float(end) for end in data.attrs["parameter_range"])
-    t, c = data["parameter"].values, data["c"].values
-    stress_units = str(data["xi"].attrs["units"])
-    inside = (t >= low) & (t <= high)
-    force = np.where(inside, np.abs(data["xi"].values @ c), 0.0)
-    most = int(np.argmax(force))
-    if not data.sizes.get("piece", len(t) - 1):
-        return f"no path: it ends where it begins, at {_parameter(data)} = {unit.text(t[0])}"
-    if force[most] == 0.0:
-        return "no friction along the path"
-    total = with_unit(force[most], "1" if stress_units == "1" else "N m-1")
-    mean = with_unit(force[most] / c.sum(), stress_units)
-    return f"peak friction {total} (mean {mean}), at {_parameter(data)} = {unit.text(t[most])}"
+    return low, high
+
+
+def _segments(data: Any) -> int:
+    return int(data.sizes.get("piece", len(data["parameter"]) - 1))
 
 
 def _parameter(data: Any) -> str:
@@ -139,33 +136,54 @@ def _parameter(data: Any) -> str:
     return symbol(str(data.attrs["parameter"]))
 
 
+def _peak(data: Any, unit: Unit) -> str:
+    """Return the largest friction of the path in its range, and where it is."""
+    low, high = _range(data)
+    t, c = data["parameter"].values, data["c"].values
+    is_inside = (t >= low) & (t <= high)
+    force = np.where(is_inside, np.abs(data["xi"].values @ c), 0.0)
+    peak = int(np.argmax(force))
+    if not _segments(data):
+        return f"no path: it ends where it begins, at {_parameter(data)} = {unit.text(t[0])}"
+    if force[peak] == 0.0:
+        return "no friction along the path"
+    stress_units = str(data["xi"].attrs["units"])
+    total = with_unit(force[peak], "1" if stress_units == "1" else "N m-1")
+    mean = with_unit(force[peak] / c.sum(), stress_units)
+    return f"peak friction {total} (mean {mean}), at {_parameter(data)} = {unit.text(t[peak])}"
+
+
 def _snap_backs(data: Any, unit: Unit) -> str:
-    """Return between which values the path steps back."""
-    low, high = sorted(float(end) for end in data.attrs["parameter_range"])
+    """Return between which values the path turns back."""
+    low, high = _range(data)
     t = data["parameter"].values
-    turns = [t[[a, b]] for a, b in pairwise(folds_of(data)) if low <= t[a] <= high and t[a] > t[b]]
-    if not turns:
+    steps = list[str]()
+    for start, end in pairwise(folds_of(data)):
+        if low <= t[start] <= high and t[start] > t[end]:
+            steps.append(f"{unit.number(t[start])} → {unit.text(t[end])}")
+    if not steps:
         return ""
-    steps = " and ".join(f"{unit.number(a)} → {unit.text(b)}" for a, b in turns[:MOST_SNAPS])
-    more = f" and {len(turns) - MOST_SNAPS} more" if len(turns) > MOST_SNAPS else ""
-    return f"snap-back {steps}{more}"
+    more = len(steps) - MAX_SNAP_BACKS
+    names = steps[:MAX_SNAP_BACKS] + ([f"{more} more"] if more > 0 else [])
+    return f"snap-back {' and '.join(names)}"
 
 
-def equilibria_by_interval(
-    first: Array, last: Array, low: float, high: float
-) -> list[tuple[float, float, int]]:
-    """Return (from, to, number) of the intervals of a range between which the number of equilibria
-    changes.
+Interval = tuple[float, float, int]
+"""Values of the parameter between which there are so many equilibria."""
+
+
+def equilibria_by_interval(first: Array, last: Array, low: float, high: float) -> list[Interval]:
+    """Return (from, to, number) of intervals of a range with the same number of equilibria.
 
     first, last: (n,) the parameter at both ends of each segment
     """
     ends = np.unique(np.clip(np.concatenate([first, last, [low, high]]), low, high))
-    apart = np.diff(ends) > NEAREST * (high - low)
-    ends = ends[np.append(True, apart)]
+    are_apart = np.diff(ends) > NEAREST * (high - low)
+    ends = ends[np.append(True, are_apart)]
     middle = 0.5 * (ends[1:] + ends[:-1])
     begins, stops = np.sort(np.minimum(first, last)), np.sort(np.maximum(first, last))
     counts = np.searchsorted(begins, middle) - np.searchsorted(stops, middle)
-    intervals = list[tuple[float, float, int]]()
+    intervals = list[Interval]()
     for start, stop, count in zip(ends[:-1], ends[1:], counts, strict=True):
         if intervals and intervals[-1][2] == count:
             start = intervals.pop()[0]
@@ -174,61 +192,65 @@ def equilibria_by_interval(
 
 
 def _equilibria(data: Any, unit: Unit) -> list[str]:
-    """Return the largest number of equilibria and where there are so many, of the path and, where
-    all branches are proved to be known, of all of them; the proved totals at requested values."""
+    """Return the largest number of equilibria and where there are so many.
+
+    Of the path and, where all branches are proved to be known, of all of them; then the proved
+    totals at requested values.
+    """
     name = _parameter(data)
-    low, high = sorted(float(end) for end in data.attrs["parameter_range"])
+    low, high = _range(data)
     t = data["parameter"].values
-    texts = [_largest_number(equilibria_by_interval(t[:-1], t[1:], low, high), "on it", name, unit)]
+    on_path = equilibria_by_interval(t[:-1], t[1:], low, high)
+    texts = [_largest_number(on_path, "on it", name, unit)]
     if int(data.get("complete", 0)):
         branch, t = data["branch_of"].values, data["branch_parameter"].values
-        same = branch[1:] == branch[:-1]
-        intervals = equilibria_by_interval(t[:-1][same], t[1:][same], low, high)
+        is_segment = branch[1:] == branch[:-1]
+        in_all = equilibria_by_interval(t[:-1][is_segment], t[1:][is_segment], low, high)
         polygon = " of the law's polygon" if float(data["law_error"]) > 0.0 else ""
-        texts.append(_largest_number(intervals, f"in all{polygon} (proved)", name, unit))
-        apart = (data["branch_loop"].values == 1) & (data["branch_on_path"].values == 0)
-        if apart.any():
-            texts.append(f"{counted(int(apart.sum()), 'closed loop')} that the path does not meet")
+        texts.append(_largest_number(in_all, f"in all{polygon} (proved)", name, unit))
+        is_isola = (data["branch_loop"].values == 1) & (data["branch_on_path"].values == 0)
+        if is_isola.any():
+            texts.append(f"{counted(int(is_isola.sum()), 'isola')} that the path does not meet")
     return [*texts, _proved_totals(data, name, unit)]
 
 
-def _largest_number(
-    intervals: list[tuple[float, float, int]], where: str, name: str, unit: Unit
-) -> str:
+def _largest_number(intervals: Sequence[Interval], where: str, name: str, unit: Unit) -> str:
     """Return the largest number of equilibria with the intervals in which there are so many."""
-    most = max((count for _, _, count in intervals), default=0)
+    counts = [count for _, _, count in intervals]
+    most = max(counts, default=0)
     if most < 2:
-        whole = intervals and min(count for _, _, count in intervals) == 1
-        return f"one equilibrium {where} at every value of the range" if whole else ""
-    spans = [_interval(a, b, unit) for a, b, count in intervals if count == most]
+        is_one_everywhere = counts and min(counts) == 1
+        return f"one equilibrium {where} at every value of the range" if is_one_everywhere else ""
+    spans = [_interval(low, high, unit) for low, high, count in intervals if count == most]
     spans = list(dict.fromkeys(spans))
-    places = " and ".join(spans[:MOST_INTERVALS])
-    more = len(spans) - MOST_INTERVALS
-    places += f" and in {counted(more, 'more interval')}" if more > 0 else ""
+    places = " and ".join(spans[:MAX_INTERVALS])
+    more = len(spans) - MAX_INTERVALS
+    if more > 0:
+        places += f" and in {counted(more, 'more interval')}"
     return f"up to {most} equilibria {where}, for {name} {places}"
 
 
 def _interval(low: float, high: float, unit: Unit) -> str:
     """Return an interval of the parameter; one that is narrower than its digits is a place."""
-    ends = [unit.number(low), unit.number(high)]
-    return f"near {unit.text(low)}" if ends[0] == ends[1] else f"from {unit.text(low, high)}"
+    if unit.number(low) == unit.number(high):
+        return f"near {unit.text(low)}"
+    return f"from {unit.text(low, high)}"
 
 
 def _proved_totals(data: Any, name: str, unit: Unit) -> str:
-    """Return how many equilibria there are in all at the requested values where that is proved."""
+    """Return the number of all equilibria at the requested values where it is proved."""
     if "at_complete" not in data or float(data["law_error"]) > 0.0:
         return ""
-    known = np.flatnonzero(data["at_complete"].values)
-    counts, values = data["solution_count"].values[known], data["at"].values[known]
-    totals = [
-        f"{count} at {name} = {unit.text(value)}"
-        for count, value in zip(counts, values, strict=True)
-    ]
+    is_proved = data["at_complete"].values.astype(bool)
+    counts, values = data["solution_count"].values, data["at"].values
+    totals = list[str]()
+    for count, value in zip(counts[is_proved], values[is_proved], strict=True):
+        totals.append(f"{count} at {name} = {unit.text(value)}")
     return f"equilibria in all, proved: {', '.join(totals)}" if totals else ""
 
 
 def _cycle(data: Any, unit: Unit) -> tuple[str, ...]:
-    """Return what quasi-static loading and unloading over the range loses, and in which jumps."""
+    """Return the energy lost in quasi-static loading and unloading, and its jumps."""
     if "energy_lost" not in data:
         return ()
     if not int(data["loop_complete"]):
@@ -238,185 +260,197 @@ def _cycle(data: Any, unit: Unit) -> tuple[str, ...]:
     if not len(jumps):
         return (f"{lost} lost, no jumps",)
     text = f"{lost} lost in {counted(len(jumps), 'jump')}"
-    if len(jumps) <= MOST_INTERVALS:
-        first = ", ".join(unit.number(t) for t in jumps[:-1])
-        text += f", at {f'{first} and ' if first else ''}{unit.text(jumps[-1])}"
+    if len(jumps) <= MAX_JUMPS:
+        places = [unit.number(t) for t in jumps[:-1]]
+        first = f"{', '.join(places)} and " if places else ""
+        text += f", at {first}{unit.text(jumps[-1])}"
     return (text if int(data["loop_closed"]) else f"{text}; it does not close",)
 
 
 def _branches_known(data: Any) -> tuple[str, ...]:
-    """Return what is known of branches that the path does not meet."""
+    """Return whether branches that the path does not meet are known."""
     if int(data.get("complete", 0)):
         return (sentences.WHOLE,)
-    if reason := str(data.attrs.get("complete_reason", "")):
+    reason = str(data.attrs.get("complete_reason", ""))
+    if reason:
         return (sentences.CONNECTED, f"{UNPROVED_BRANCHES}: {reason}")
     return (sentences.CONNECTED,)
 
 
+# -- the parts of a path
+
+
 def path_parts(data: Any, *_: Any) -> Iterator[Part]:
-    """What a path's file holds: its extent and ends, the branches, the loop, the requested
-    solutions."""
+    """Yield the extent and ends of a path, its branches, its loop, the requested solutions."""
     at = Unit.of_parameter(data).text
     yield Heading(str(data.attrs["title"]), 1)
-    told = [*_path(data, at), *(_branches(data, at) if "complete" in data else ())]
-    yield "\n".join([*told, _loop(data, at)] if "energy_lost" in data else told)
+    lines = list(_path(data, at))
+    if "complete" in data:
+        lines += _branches(data, at)
+    if "energy_lost" in data:
+        lines.append(_loop(data, at))
+    yield "\n".join(lines)
     if data.sizes.get("at", 0):
         yield _solutions(data, at)
 
 
 def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
-    """Where the path runs, how it was computed, and why it ends."""
-    low, high = data.attrs["parameter_range"]
+    """Yield where the path runs, how it was computed, and why it ends."""
+    first, last = data.attrs["parameter_range"]
+    low, high = _range(data)
     t, vertices = data["parameter"].values, folds_of(data)
-    inside = int(
-        np.count_nonzero((t[vertices] >= min(low, high)) & (t[vertices] <= max(low, high)))
-    )
-    yield f"  Path along {data.attrs['parameter']} from {at(low, high)}, reaching {at(t.min(), t.max())}"
-    yield (
-        f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
-        f"omega/lambda_1 = {number(float(data['omega']) / float(data['lambda_1']))}"
-    )
-    if lost := digits_lost(float(data.get("lambda_1_error", 0.0))):
-        yield f"  {lost}"
-    stable = np.count_nonzero(data["stable"].values)
+    reach = at(t.min(), t.max())
+    yield f"  Path along {data.attrs['parameter']} from {at(first, last)}, reaching {reach}"
+    omega = float(data["omega"]) / float(data["lambda_1"])
+    yield f"  {_sizes(data)}; omega/lambda_1 = {number(omega)}"
+    lost_digits = digits_lost(float(data.get("lambda_1_error", 0.0)))
+    if lost_digits:
+        yield f"  {lost_digits}"
+    segments, stable = data.sizes["piece"], np.count_nonzero(data["stable"].values)
     folds = counted(len(vertices), "fold")
-    worst = number(float(data["residual"].max()), 2)
+    inside = np.count_nonzero((t[vertices] >= low) & (t[vertices] <= high))
+    residual = number(float(data["residual"].max()), 2)
     yield (
-        f"  {data.sizes['piece']} pieces ({stable} stable), {folds}, {inside} of the folds in the "
-        f"range, worst residual {worst}"
+        f"  {segments} segments ({stable} stable), {folds}, {inside} of the folds in the range, "
+        f"worst residual {residual}"
     )
-    if float(data["law_error"]) > 0.0:
-        yield f"  the law is replaced by straight pieces, relative error {number(float(data['law_error']), 1)}"
+    law_error = float(data["law_error"])
+    if law_error > 0.0:
+        yield f"  the law is replaced by linear segments, relative error {number(law_error, 1)}"
     yield f"  begins at {at(t[0])}: {data.attrs['begin_reason']}"
     yield f"  ends at {at(t[-1])}: {data.attrs['end_reason']}"
 
 
+def _sizes(data: Any) -> str:
+    """Return the level and the number of its unknowns."""
+    dofs, contact = int(data["n_dof"]), int(data["n_contact"])
+    return f"level {int(data['level'])}: {dofs} dofs, {contact} contact unknowns"
+
+
 def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
-    """What is known of all branches, the loops among them, and the number of equilibria at the
-    requested values."""
-    closed, on_path = (data[f"branch_{name}"].values.astype(bool) for name in ("loop", "on_path"))
-    of, t, apart = (
-        data["branch_of"].values,
-        data["branch_parameter"].values,
-        int(np.sum(~closed & ~on_path)),
-    )
-    told = f"{(~closed).sum()} open branch{'es' if (~closed).sum() != 1 else ''}"
-    told += f" ({apart} not on the path in the range)" if apart else ""
-    told += f" and {counted(int(closed.sum()), 'closed loop')}"
-    told += " of the law's polygon" if (polygon := float(data["law_error"]) > 0.0) else ""
+    """Yield what is known of all branches, the isolas, and the equilibria at requested values."""
+    is_closed = data["branch_loop"].values.astype(bool)
+    is_on_path = data["branch_on_path"].values.astype(bool)
+    open_branches, closed_branches = int((~is_closed).sum()), int(is_closed.sum())
+    apart = int(np.sum(~is_closed & ~is_on_path))
+    branches = f"{open_branches} open {'branch' if open_branches == 1 else 'branches'}"
+    if apart:
+        branches += f" ({apart} not on the path in the range)"
+    branches += f" and {closed_branches} closed {'branch' if closed_branches == 1 else 'branches'}"
+    is_polygon = float(data["law_error"]) > 0.0
+    if is_polygon:
+        branches += " of the law's polygon"
     if data["complete"]:
-        yield f"  every branch of the range: {told}; complete (proved)"
-    elif len(closed):
-        yield f"  branches found in the range: {told}; not proved complete"
-    for k in np.flatnonzero(closed & ~on_path):
-        yield f"  a closed loop from {at(t[of == k].min(), t[of == k].max())} that the path does not meet"
-    if polygon or not data.sizes.get("at", 0):
-        return
-    off_path = np.bincount(
-        data["solution_at"].values[data["solution_piece"].values < 0], minlength=data.sizes["at"]
-    )
-    values, known, counts = (data[name].values for name in ("at", "at_complete", "solution_count"))
-    for value, sure, count, off in zip(values, known, counts, off_path, strict=True):
-        if not (sure or count):
+        yield f"  every branch of the range: {branches}; complete (proved)"
+    elif len(is_closed):
+        yield f"  branches found in the range: {branches}; not proved complete"
+    t, branch = data["branch_parameter"].values, data["branch_of"].values
+    for isola in np.flatnonzero(is_closed & ~is_on_path):
+        t_isola = t[branch == isola]
+        yield f"  an isola from {at(t_isola.min(), t_isola.max())}, which the path does not meet"
+    if not is_polygon and data.sizes.get("at", 0):
+        yield from _totals(data, at)
+
+
+def _totals(data: Any, at: Callable[..., str]) -> Iterator[str]:
+    """Yield the number of equilibria at each requested value, and how many are not on the path."""
+    values, counts = data["at"].values, data["solution_count"].values
+    is_complete = data["at_complete"].values
+    at_of_solution = data["solution_at"].values
+    is_off_path = data["solution_piece"].values < 0
+    off_path = np.bincount(at_of_solution[is_off_path], minlength=data.sizes["at"])
+    for value, complete, count, off in zip(values, is_complete, counts, off_path, strict=True):
+        if not (complete or count):
             continue
-        told = f"{sentences.equilibria(count, complete=sure)} equilibri{'um' if count == 1 else 'a'} at {at(value)}"
-        yield f"  {told}" + (f", {off} of them not on the path from the start" if off else "")
+        words = sentences.equilibria(count, complete=complete)
+        noun = "equilibrium" if count == 1 else "equilibria"
+        beside = f", {off} of them not on the path from the start" if off else ""
+        yield f"  {words} {noun} at {at(value)}{beside}"
 
 
 def _solutions(data: Any, at: Callable[..., str]) -> Part:
-    """One row per solution at the requested values."""
-    every, columns = int(data.sizes.get("solution", 0)), list[TextColumn]()
-    if every:
-        shown, c = data.isel(solution=slice(MOST_ROWS)), data["c"].values
-        numbers = {
-            symbol(str(data.attrs["parameter"])): (
-                shown["solution_parameter"].values,
-                "parameter",
-            ),
-            "mean u_T": (shown["solution_u_T"].values @ c / c.sum(), "u_T"),
-            "energy": (shown["solution_energy"].values, "energy"),
-        }
-        for title, (values, name) in numbers.items():
-            like = data.attrs["parameter_range"] if name == "parameter" else np.abs(values).max()
-            columns.append(quantity(title, values, data[name].attrs["units"], 5, like=like))
-        for title, name in (
-            ("stable", "stable"),
-            ("least" if "complete" in data else "least on path", "lowest"),
-        ):
-            columns.append(
-                TextColumn(
-                    title, [("no", "yes")[int(one)] for one in shown[f"solution_{name}"].values], 1
-                )
-            )
-        proofs = [
-            proved(shown.isel(solution=i), "solution_") for i in range(shown.sizes["solution"])
-        ]
-        columns += [
-            TextColumn("certified", proofs, 2),
-            quantity("residual", shown["solution_residual"].values, "1", 2, 3),
-        ]
-    notes = [f"… {every - MOST_ROWS} more solutions in the file"] if every > MOST_ROWS else []
+    """Return one row per solution at the requested values."""
+    total = int(data.sizes.get("solution", 0))
+    notes = list[str]()
+    if total > MAX_ROWS:
+        notes.append(f"… {total - MAX_ROWS} more solutions in the file")
     missing = [at(value) for value in data["at"].values[data["solution_count"].values == 0]]
-    notes += [f"no solution on the path at {', '.join(missing)}"] if missing else []
-    return Table("", columns, tuple(notes)) if every else f"  {notes[0]}"
+    if missing:
+        notes.append(f"no solution on the path at {', '.join(missing)}")
+    if not total:
+        return f"  {notes[0]}"
+
+    listed, c = data.isel(solution=slice(MAX_ROWS)), data["c"].values
+    t = listed["solution_parameter"].values
+    mean_slip = listed["solution_u_T"].values @ c / c.sum()
+    energy = listed["solution_energy"].values
+    units = {name: data[name].attrs["units"] for name in ("parameter", "u_T", "energy")}
+    extent = data.attrs["parameter_range"]
+    least = "least" if "complete" in data else "least on path"
+    solutions = [listed.isel(solution=i) for i in range(listed.sizes["solution"])]
+    columns = [
+        quantity(_parameter(data), t, units["parameter"], 5, like=extent),
+        quantity("mean u_T", mean_slip, units["u_T"], 5),
+        quantity("energy", energy, units["energy"], 5),
+        TextColumn("stable", _yes_or_no(listed["solution_stable"]), 1),
+        TextColumn(least, _yes_or_no(listed["solution_lowest"]), 1),
+        TextColumn("certified", [proved(solution, "solution_") for solution in solutions], 2),
+        quantity("residual", listed["solution_residual"].values, "1", 2, 3),
+    ]
+    return Table("", columns, tuple(notes))
+
+
+def _yes_or_no(flags: Any) -> list[str]:
+    return ["yes" if int(flag) else "no" for flag in flags.values]
 
 
 def _loop(data: Any, at: Callable[..., str]) -> str:
-    """The energy lost in the loop, and where most of it."""
-    units, falls = str(data["energy_lost"].attrs["units"]), int(data.sizes.get("jump", 0))
+    """Return the energy lost in the hysteresis loop, and its largest jump."""
     if not int(data["loop_complete"]):
         return f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
-    told = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
-    if not falls:
-        return f"{told}, the body never falls to another branch"
-    most = data.isel(jump=int(np.argmax(data["jump_drop"].values)))
-    told += (
-        f" in {counted(falls, 'fall')}, at most {with_unit(float(most['jump_drop']), units)} at "
-    )
-    told += f"{at(float(most['jump_parameter']))} ({'rising' if int(most['jump_rising']) else 'falling'})"
-    return told if int(data["loop_closed"]) else f"{told}; it does not close"
+    units, jumps = str(data["energy_lost"].attrs["units"]), int(data.sizes.get("jump", 0))
+    words = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
+    if not jumps:
+        return f"{words}, no jumps"
+    largest = data.isel(jump=int(np.argmax(data["jump_drop"].values)))
+    drop = with_unit(float(largest["jump_drop"]), units)
+    direction = "rising" if int(largest["jump_rising"]) else "falling"
+    place = f"{at(float(largest['jump_parameter']))} ({direction})"
+    words += f" in {counted(jumps, 'jump')}, at most {drop} at {place}"
+    return words if int(data["loop_closed"]) else f"{words}; it does not close"
 
 
-# -- histories
-# ---------------------------------------------------------------------------------------------------------
+# -- the verdict of a history
 
-MOST_CYCLES, MOST_POINTS = 3, 20
-"""Cycles of one point whose steps are listed, and points that have a line; the file has them
-all."""
+MAX_CYCLES = 3
+"""Cycles of a point whose steps are listed: cycle 0, those after it, and the last cycle."""
+MAX_POINTS = 20
+"""Points that have a line; the file has them all."""
 MOVES = ("at rest", "slips forward", "slips backward", "jumps")
-"""What a node may do in a step."""
-MISSED = 0.01
-"""Part of the energy dissipated from which on it is said that finite steps miss so much of the
-energy."""
+"""Motions of a node in a step."""
+MIN_DEFECT = 0.01
+"""Part of the dissipated energy above which the energy that finite steps miss is reported."""
 ROUNDING = 1e-10
-"""What is smaller than this part of what the history reaches is rounding, and reads 0."""
+"""Part of the largest value of a history below which a value is rounding, and reads 0."""
 
 
 def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
-    """(N, m) place in MOVES of every node in every step; in step 0 against zero.
+    """Return (N, m) the index in MOVES of every node in every step; of step 0 against zero.
 
-    u_T: (N, m) of the steps that were solved;  jumped: (N, m) 1 where a node moved by a jump, None where none can
+    u_T:    (N, m) of the steps that were solved
+    jumped: (N, m) 1 where a node moved by a jump, None where none can
     """
-    moved = np.diff(u_T, axis=0, prepend=0.0)
-    still = AT_REST * (float(np.abs(u_T).max()) or 1.0)
-    what = np.where(np.abs(moved) <= still, 0, np.where(moved > 0.0, 1, 2)).astype(np.int8)
-    return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
+    change = np.diff(u_T, axis=0, prepend=0.0)
+    rounding = AT_REST * (float(np.abs(u_T).max()) or 1.0)
+    slips = np.where(change > 0.0, 1, 2)
+    moves = np.where(np.abs(change) <= rounding, 0, slips).astype(np.int8)
+    return moves if jumped is None else np.where(jumped == 1, np.int8(3), moves)
 
 
 def history_verdict(data: Any) -> Verdict:
-    """Return what the file of a history says first: the largest slip, jumps, what a cycle changes,
-    proofs, and how far the histories were followed."""
+    """Return the verdict of histories: slip, jumps, cycles, proofs, solved steps."""
     solved, points = by_point(data["status"], data) == int(PointStatus.OK), each_point(data)
     complete = int(np.count_nonzero(solved.all(axis=1)))
-    steps, cycles = solved.shape[1] - 1, int(data["cycle"].max())
-    steps_of = f"{counted(steps, 'step')}" + (f" in {cycles} cycles" if cycles > 1 else "")
-    if len(points) == 1:
-        count = f"{max(int(solved.sum()) - 1, 0)} of {steps_of}"
-    else:
-        count = f"{complete} of {len(points)} histories of {steps_of} followed to their end"
-    residuals = by_point(data["inclusion_residual"], data)[solved]
-    if len(residuals):
-        count += f"; residual ≤ {number(float(np.nanmax(residuals)), 2)}"
     reasons = [str(reason) for reason in by_point(data["reason"], data) if reason]
     cause, _, remedy = reasons[0].partition("; ") if reasons else ("", "", "")
     if len(reasons) > 1:
@@ -426,28 +460,44 @@ def history_verdict(data: Any) -> Verdict:
         cycles=_history_cycles(data, points),
         trust=_history_proofs(data, solved),
         accuracy=_history_accuracy(data, solved),
-        solved=(count,),
+        solved=(_history_solved(data, solved, complete),),
         reason=(cause,),
         fix=(remedy,),
         complete=complete == len(points),
     )
 
 
-def _history_answer(
-    data: Any, solved: NDArray[np.bool_], points: list[dict[str, int]]
-) -> list[str]:
+def _history_solved(data: Any, solved: Flags, complete: int) -> str:
+    """Return how many steps or histories are solved, and the largest residual."""
+    steps, cycles = solved.shape[1] - 1, int(data["cycle"].max())
+    all_steps = counted(steps, "step")
+    if cycles > 1:
+        all_steps += f" in {cycles} cycles"
+    if len(solved) == 1:
+        text = f"{max(int(solved.sum()) - 1, 0)} of {all_steps}"
+    else:
+        text = f"{complete} of {len(solved)} histories of {all_steps} followed to their end"
+    residuals = by_point(data["inclusion_residual"], data)[solved]
+    if len(residuals):
+        text += f"; residual ≤ {number(float(np.nanmax(residuals)), 2)}"
+    return text
+
+
+def _history_answer(data: Any, solved: Flags, points: Sequence[dict[str, int]]) -> list[str]:
     """Return the largest slip with its step, lengths of the contact line, and the jumps."""
     units = str(data["u_T_max"].attrs["units"])
     slip = np.where(solved, by_point(data["u_T_max"], data), -1.0)
     point, step = first_largest(slip)
     jumps = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
-    jumped = counted(jumps, "jump") if jumps else "no jumps"
+    jumps_words = counted(jumps, "jump") if jumps else "no jumps"
     if slip[point, step] <= 0.0:
-        return ["nothing slips", jumped]
+        return ["nothing slips", jumps_words]
     place = f"step {str(data['step_name'].values[step]) or step}"
-    if (cycle := int(data["cycle"].values[step])) > 1:
+    cycle = int(data["cycle"].values[step])
+    if cycle > 1:
         place += f" of cycle {cycle}"
-    if words := describe(data, points[point]):
+    words = describe(data, points[point])
+    if words:
         place += f" ({words})"
     spans = dict[str, tuple[float, float]]()
     for name in LENGTHS:
@@ -458,11 +508,11 @@ def _history_answer(
             spans[name] = 0.0, float(length)
     largest = f"largest slip {with_unit(float(slip[point, step]), units)} at {place}"
     lengths = sentences.slip_lengths(spans, units)
-    return [largest, ", ".join(filter(None, [lengths, jumped]))]
+    return [largest, ", ".join(filter(None, [lengths, jumps_words]))]
 
 
-def _history_cycles(data: Any, points: list[dict[str, int]]) -> tuple[str, ...]:
-    """Return what the last cycle of a history changes, or how many histories of a sweep do what."""
+def _history_cycles(data: Any, points: Sequence[dict[str, int]]) -> tuple[str, ...]:
+    """Return the change by the last cycle of a history, or how many of a sweep have which kind."""
     changes = [last_change(data.isel(where)) for where in points]
     if len(points) == 1:
         return (changes[0][1],)
@@ -471,19 +521,20 @@ def _history_cycles(data: Any, points: list[dict[str, int]]) -> tuple[str, ...]:
     return (", ".join(counts),)
 
 
-def _history_proofs(data: Any, solved: NDArray[np.bool_]) -> tuple[str, ...]:
+def _history_proofs(data: Any, solved: Flags) -> tuple[str, ...]:
     """Return how many steps after step 0 have which strongest proof."""
     steps = solved.copy()
     steps[:, 0] = False
     if not steps.any():
         return ()
-    flags = {name: by_point(data[name], data) == 1 for name, _ in PROOFS if name in data}
-    missing = dict.fromkeys([name for name, _ in PROOFS], np.zeros_like(steps))
-    classes = sentences.proof_classes(missing | flags, steps)
-    return (f"steps: {classes} (this mesh)",)
+    flags = {name: np.zeros_like(steps) for name, _ in PROOFS}
+    for name in flags:
+        if name in data:
+            flags[name] = by_point(data[name], data) == 1
+    return (f"steps: {sentences.proof_classes(flags, steps)} (this mesh)",)
 
 
-def _history_accuracy(data: Any, solved: NDArray[np.bool_]) -> tuple[str, ...]:
+def _history_accuracy(data: Any, solved: Flags) -> tuple[str, ...]:
     """Return that the error of the mesh is not known, and how well the energy balances."""
     text = "not estimated: one mesh"
     defects = by_point(data["identity"], data)[solved]
@@ -492,119 +543,129 @@ def _history_accuracy(data: Any, solved: NDArray[np.bool_]) -> tuple[str, ...]:
     return (text,)
 
 
+# -- the parts of a history
+
+
 def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]:
-    """What a history's file holds; every_row: all steps of all cycles and points."""
+    """Yield the loads of a history and its steps; every_row: all steps of all cycles and points."""
     points, attrs = each_point(data), data.attrs
-    shown = points if every_row else points[:MOST_POINTS]
+    listed = points if every_row else points[:MAX_POINTS]
+    is_alone = len(points) == 1
     yield Heading(str(attrs["title"]), 1)
-    how = (
-        "the state of least energy found" if attrs["branch"] == "lowest" else "along its exact path"
-    )
-    lost = digits_lost(float(data["lambda_1_error"].max())) if "lambda_1_error" in data else ""
-    yield (
-        f"  History of {', '.join(_loads(data))}; memory {attrs['memory']}; each step {how}\n"
-        f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns"
-        + (f"\n  {lost}" if lost else "")
-    )
-    for where in shown:
+    yield "\n".join(_history(data))
+    for where in listed:
         name, part = describe(data, where), data.isel(where)
-        table = [_steps(part, every_row)] if every_row or len(points) == 1 else []
-        yield "\n".join(
-            [
-                *([f"  {name}"] if name else []),
-                *table,
-                *(f"  {text}" for text in sentences_of(part, len(points) == 1)),
-            ]
-        )
-    if len(shown) < len(points):
-        yield f"  … {len(points) - len(shown)} more points; --verbose shows all"
+        lines = [f"  {name}"] if name else []
+        if every_row or is_alone:
+            lines.append(_steps(part, every_row))
+        lines += [f"  {text}" for text in sentences_of(part, is_alone)]
+        yield "\n".join(lines)
+    if len(listed) < len(points):
+        yield f"  … {len(points) - len(listed)} more points; --verbose shows all"
+
+
+def _history(data: Any) -> Iterator[str]:
+    """Yield the loads of a history and how its steps are solved."""
+    attrs = data.attrs
+    is_lowest = attrs["branch"] == "lowest"
+    step = "the state of least energy found" if is_lowest else "along its exact path"
+    yield f"  History of {', '.join(_loads(data))}; memory {attrs['memory']}; each step {step}"
+    yield f"  {_sizes(data)}"
+    if "lambda_1_error" in data:
+        lost_digits = digits_lost(float(data["lambda_1_error"].max()))
+        if lost_digits:
+            yield f"  {lost_digits}"
 
 
 def _steps(part: Any, all_cycles: bool) -> str:
-    """A line for every named step; energies are sums since the one before, 0 where they are
-    rounding."""
+    """Return a line for every named step.
+
+    Energies are sums since the line before, 0 where they are rounding.
+    """
     names, cycle = part["step_name"].values, part["cycle"].values
     rows = np.flatnonzero((part["status"].values == PointStatus.OK) & (names != ""))
-    kept = all_cycles | (cycle[rows] < MOST_CYCLES) | (cycle[rows] == cycle[rows[-1:]])
+    is_listed = all_cycles | (cycle[rows] < MAX_CYCLES) | (cycle[rows] == cycle[rows[-1:]])
+    listed = rows[is_listed]
     spent = part["dissipated"].values + part["released"].values + part["stored"].values
-    pull, slip = np.abs(part["xi"].values) @ part["c"].values, part["u_T_max"].values
+    traction_resultant = np.abs(part["xi"].values) @ part["c"].values
+    slip, friction = part["u_T_max"].values, part["friction_resultant"].values
 
-    def read(values: Array, reached: Array) -> Array:
-        return np.where(
-            np.abs(values) <= ROUNDING * np.nanmax(np.abs(reached), initial=0.0), 0.0, values
-        )[kept]
-
-    since = {
-        name: np.diff(np.cumsum(part[name].values)[rows], prepend=0.0)
-        for name in ("dissipated", "released")
-    }
-    numbers = []
-    for name in _loads(part):
-        title = symbol(str(part[name].attrs.get("long_name", name)))
-        numbers.append((title, name, part[name].values[rows][kept]))
-    numbers += [("max |u_T|", "u_T_max", read(slip[rows], slip))]
-    numbers += [("∫ξ", "friction_resultant", read(part["friction_resultant"].values[rows], pull))]
-    numbers += [(name, name, read(values, spent)) for name, values in since.items()]
-    numbers += [(name, name, part[name].values[rows][kept]) for name in asked(part)]
     columns = [
-        TextColumn("step", names[rows][kept].tolist()),
-        TextColumn("cycle", cycle[rows][kept].astype(str), 1),
+        TextColumn("step", names[listed].tolist()),
+        TextColumn("cycle", cycle[listed].astype(str), 1),
     ]
-    for rank, (title, name, values) in enumerate(numbers, 2):
-        columns.append(quantity(title, values, str(part[name].attrs.get("units", "1")), 6, rank))
-    columns.append(
-        TextColumn(
-            "proved", [proved(part.isel(step=i), none="–") for i in rows[kept]], len(columns)
-        )
-    )
-    return columns_table(columns) + ("" if kept.all() else "\n  …")
+
+    def add(title: str, name: str, values: Array) -> None:
+        """Append a column; the later it stands, the sooner it is hidden."""
+        units, rank = str(part[name].attrs.get("units", "1")), len(columns)
+        columns.append(quantity(title, values, units, 6, rank))
+
+    for name in _loads(part):
+        add(axis_symbol(part, name), name, part[name].values[listed])
+    add("max |u_T|", "u_T_max", _without_rounding(slip[listed], slip))
+    add("∫ξ", "friction_resultant", _without_rounding(friction[listed], traction_resultant))
+    for name in ("dissipated", "released"):
+        since_row_before = np.diff(np.cumsum(part[name].values)[rows], prepend=0.0)
+        add(name, name, _without_rounding(since_row_before[is_listed], spent))
+    for name in asked(part):
+        add(name, name, part[name].values[listed])
+    proofs = [proved(part.isel(step=i), none="–") for i in listed]
+    columns.append(TextColumn("proved", proofs, len(columns)))
+    return columns_table(columns) + ("" if is_listed.all() else "\n  …")
+
+
+def _without_rounding(values: Array, history: Array) -> Array:
+    """Return values with 0 in place of those that are rounding beside the whole history."""
+    largest = np.nanmax(np.abs(history), initial=0.0)
+    return np.where(np.abs(values) <= ROUNDING * largest, 0.0, values)
 
 
 def _loads(data: Any) -> list[str]:
-    """Names of the loads that change."""
+    """Return the names of the loads that change."""
     return str(data.attrs["loads"]).split()
 
 
 def last_change(part: Any) -> tuple[str, str]:
-    """What the last whole cycle of a point's history has changed (`cycle_change`).
+    """Return (kind, sentence) of the change by the last whole cycle of a point's history.
 
-    What rounding of the forces may do to slips is that to tractions over the margin; 0 where
+    Rounding of the forces changes slips by the rounding of tractions over the margin; by 0 where
     nothing bounds it [m].
     """
     status, cycle, spent = part["status"].values, part["cycle"].values, part["dissipated"].values
-    whole = [
-        c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)
-    ]
-    ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
-    each = np.array([spent[cycle == c].sum() for c in whole])
+    ends, dissipated = [0], list[float]()
+    for i in range(1, int(cycle.max()) + 1):
+        steps = cycle == i
+        if np.all(status[steps] == PointStatus.OK):
+            ends.append(int(np.flatnonzero(steps)[-1]))
+            dissipated.append(spent[steps].sum())
     units = str(part["u_T"].attrs["units"]), str(part["dissipated"].attrs["units"])
     margin, rounding = float(part["margin"]), 0.0
     if margin > 0.0:
         traction = float(np.nanmax(np.abs(part["xi"].values) / part["c"].values))
         rounding = float(np.nanmax(part["inclusion_rounding"].values)) * traction / margin
-    return cycle_change(part["u_T"].values[ends], each, units, rounding)
+    return cycle_change(part["u_T"].values[ends], np.array(dissipated), units, rounding)
 
 
 def sentences_of(part: Any, alone: bool = False) -> list[str]:
     """Return the change from cycle to cycle, energies, and why the history ended early.
 
-    alone: whether the verdict of the file is of this history, too, and has told of the cycles
+    alone: the file has one history, so that its verdict already names cycles and solved steps
     """
-    done = np.flatnonzero(part["status"].values == PointStatus.OK)
+    solved_steps = np.flatnonzero(part["status"].values == PointStatus.OK)
     reason = str(part["reason"].values.item())
-    if not len(done):
+    if not len(solved_steps):
         return [f"no step was solved: {reason}"]
-    defect = number(float(np.nanmax(part["identity"].values[done])), 2)
-    missed, spent = (
-        float(np.abs(part[name].values[done]).sum()) for name in ("closure", "dissipated")
-    )
-    steps = counted(len(done) - 1, "step")
-    told = [
-        "" if alone else last_change(part)[1],
-        "" if alone else f"{steps} solved, relative energy balance error {defect}",
-        f"finite steps miss {sentences.percent(missed / spent)} of the energy dissipated; take more steps"
-        if 0.0 < MISSED * spent < missed
-        else "",
-        f"ended at step {len(done)}: {reason}" if reason and not alone else "",
-    ]
-    return list(filter(None, told))
+    texts = list[str]()
+    if not alone:
+        defect = number(float(np.nanmax(part["identity"].values[solved_steps])), 2)
+        steps = counted(len(solved_steps) - 1, "step")
+        texts.append(last_change(part)[1])
+        texts.append(f"{steps} solved, relative energy balance error {defect}")
+    missed = float(np.abs(part["closure"].values[solved_steps]).sum())
+    dissipated = float(np.abs(part["dissipated"].values[solved_steps]).sum())
+    if 0.0 < MIN_DEFECT * dissipated < missed:
+        share = sentences.percent(missed / dissipated)
+        texts.append(f"finite steps miss {share} of the energy dissipated; take more steps")
+    if reason and not alone:
+        texts.append(f"ended at step {len(solved_steps)}: {reason}")
+    return list(filter(None, texts))

@@ -74,7 +74,7 @@ def test_equilibria_are_counted_interval_by_interval() -> None:
     )
     answer = path_verdict(data).answer
     assert "up to 5 equilibria in all (proved), for load from 1.5 to 2" in answer
-    assert "1 closed loop that the path does not meet" in answer
+    assert "1 isola that the path does not meet" in answer
     assert "equilibria in all, proved: 5 at load = 1.75" in answer
 
 
@@ -101,12 +101,12 @@ def test_a_path_without_a_segment_has_whole_sentences() -> None:
     }
 
 
-def test_the_largest_fall_of_a_loop_is_named() -> None:
+def test_the_largest_jump_of_a_loop_is_named() -> None:
     t = np.linspace(1.0, 2.5, 15)
     jumps = {"jump_parameter": t, "jump_rising": (t < 2.5).astype(int), "jump_drop": t}
     data = xr.Dataset({name: ("jump", values) for name, values in jumps.items()})
     data = data.assign(energy_lost=((), 30.0, {"units": "J m-1"}), loop_complete=1, loop_closed=1)
-    told = "hysteresis loop: 30 J m⁻¹ lost in 15 falls, at most 2.5 J m⁻¹ at 2.5 (falling)"
+    told = "hysteresis loop: 30 J m⁻¹ lost in 15 jumps, at most 2.5 J m⁻¹ at 2.5 (falling)"
     assert _loop(data, str) == f"  {told}"
     assert _loop(data.assign(loop_closed=0), str) == f"  {told}; it does not close"
 
