@@ -1,9 +1,9 @@
 """The bodies of a result file, one by one: the body of all points, or one geometry of a sweep.
 
-A file of several geometries keeps them in one group for each level (layout 2): contact lines padded
-to the longest, meshes end to end. A file of version 0.8 has a group for every geometry, like a file
-of its own. `StoredBody` is the same for both: which places of a variable belong to the body. Node
-numbers, flags and lengths are those of a run of the geometry alone.
+A file of several geometries has one group for each level (layout 2): contact lines padded to the
+longest, meshes end to end. A file of version 0.8 has a group for every geometry, which is like a
+file of one body. A `StoredBody` reads from both the places of a variable that belong to the body.
+Node numbers, flags and lengths are those of a run of the geometry alone.
 """
 
 from __future__ import annotations
@@ -41,25 +41,24 @@ Values = NDArray[Any]
 Cut = tuple[slice | int, ...]
 """A range of points, or the index of one, along every dimension of the sweep of a body."""
 
-_OF_ALL = frozenset(v.name for v in (*MESH_COUNTS, MESH_GEOMETRY))
-"""Variables of a level that tell geometries apart, which one body does not need."""
-
-
-_FIELDS = frozenset(v.name for v in FIELDS)
-_OWN_LENGTHS = ("held_end", "joint", "rim_segment", "mesh_node", "mesh_face")
+_GEOMETRY_NAMES = frozenset(v.name for v in (*MESH_COUNTS, MESH_GEOMETRY))
+"""Variables of a level that tell geometries apart, which a body alone does not need."""
+_FIELD_NAMES = frozenset(v.name for v in FIELDS)
+_OPTIONAL_DIMS = ("held_end", "joint", "rim_segment", "mesh_node", "mesh_face")
 """Dimensions that not every geometry has."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredBody:
-    """One body of an opened file, nothing of which is masked.
+    """One body of an opened file without masks.
 
-    nc:     the group with its numbers by point and level: that of the file, or of its geometry in a file of version 0.8
-    places: (P,) its points in the sweep of the file, in C order
-    dims:   dimensions of its own sweep, in which it has the extents `shape`
-    outer:  by dimension of the sweep of the file along which the geometry changes, its index there
-    number: of its geometry in a file of layout 2, else None
-    kept:   variables that were read as a whole, by path
+    nc:     group of the variables by point and level: that of the file, or of the geometry in a
+            file of version 0.8
+    places: (P,) of the points of the body in the sweep of the file, in C order
+    dims:   dimensions of the sweep of the body, which have the extents `shape`
+    outer:  index of the body along every dimension of the file that changes the geometry
+    number: of the geometry in a file of layout 2, else None
+    cache:  variables read whole, by path; None if variables are to be read in part
     """
 
     nc: netCDF4.Dataset
@@ -68,11 +67,11 @@ class StoredBody:
     shape: tuple[int, ...]
     outer: Mapping[str, int] = field(default_factory=dict)
     number: int | None = None
-    kept: dict[str, Values] | None = None
+    cache: dict[str, Values] | None = None
 
     @classmethod
     def of(cls, nc: netCDF4.Dataset, number: int = 0) -> StoredBody:
-        """Return a geometry of a file by its number; of a file of one body that body."""
+        """Return the body of a file, or a geometry of a file by its number."""
         if GEOMETRIES not in nc.ncattrs():
             dims, shape = _sweep_of(nc)
             return cls(nc, np.arange(int(np.prod(shape))), dims, shape)
@@ -89,13 +88,16 @@ class StoredBody:
 
     @classmethod
     def every(cls, nc: netCDF4.Dataset) -> Iterator[StoredBody | None]:
-        """Yield all geometries of a file in order, None for one without a mesh; what several of
-        them share is read once."""
+        """Yield all geometries of a file in order, None for one without a mesh.
+
+        Variables that several of them share are read once.
+        """
         geometry = nc[NUMBER.name]
-        numbers, kept = geometry[...], dict[str, Values]()
+        numbers = geometry[...]
+        cache = dict[str, Values]()
         for number in range(int(nc.getncattr(GEOMETRIES))):
             if (numbers == number).any():
-                yield cls._among(nc, geometry.dimensions, numbers, number, kept)
+                yield cls._among(nc, geometry.dimensions, numbers, number, cache)
             else:
                 yield None
 
@@ -106,28 +108,29 @@ class StoredBody:
         sweep: tuple[str, ...],
         numbers: Values,
         number: int,
-        kept: dict[str, Values] | None,
+        cache: dict[str, Values] | None,
     ) -> StoredBody:
         places = np.flatnonzero(numbers == number)
         if LAYOUT not in nc.ncattrs():
             group = nc[f"geometry_{number}"]
             return cls(group, places, *_sweep_of(group))
         if sweep == (POINT,):
-            return cls(nc, places, (OWN_POINT,), places.shape, {}, number, kept)
+            return cls(nc, places, (OWN_POINT,), places.shape, {}, number, cache)
         index = np.unravel_index(places[0], numbers.shape)
-        outer, inner = dict[str, int](), dict[str, int]()
+        outer = dict[str, int]()
+        inner = dict[str, int]()
         for d, dim in enumerate(sweep):
             if (numbers != numbers.take([0], axis=d)).any():
                 outer[dim] = int(index[d])
             else:
                 inner[dim] = numbers.shape[d]
-        return cls(nc, places, tuple(inner), tuple(inner.values()), outer, number, kept)
+        return cls(nc, places, tuple(inner), tuple(inner.values()), outer, number, cache)
 
     @property
     def levels(self) -> list[int]:
         """Numbers of the levels that the body has, coarse to fine."""
-        ends = (name.removeprefix("level_") for name in self.nc.groups)
-        numbers = sorted(int(end) for end in ends if end.isdigit())
+        suffixes = (name.removeprefix("level_") for name in self.nc.groups)
+        numbers = sorted(int(suffix) for suffix in suffixes if suffix.isdigit())
         if self.number is None:
             return numbers
         return [level for level in numbers if self.once("n_contact", level) != MISSING_COUNT]
@@ -138,10 +141,12 @@ class StoredBody:
 
     def cut(self, point: int) -> Cut:
         """Return the index of a point of the body, by its number, along its dimensions."""
-        return tuple(int(i) for i in np.unravel_index(point, self.shape)) if self.shape else ()
+        if not self.shape:
+            return ()
+        return tuple(int(i) for i in np.unravel_index(point, self.shape))
 
     def once(self, name: str, level: int) -> Any:
-        """Return what a level of the body has once, of the variables of the root."""
+        """Return the value of a variable of the root that a level of the body has once."""
         variable = self.nc[name]
         index = {**self.outer, POINT: int(self.places[0]), "level": level}
         if self.number is None:
@@ -150,11 +155,11 @@ class StoredBody:
         return value.item() if hasattr(value, "item") else value
 
     def read(self, variable: netCDF4.Variable, level: int, cut: Cut = ()) -> Values:
-        """Return the values of a variable that belong to points of the body, by default to all; of
-        the root those of one level.
+        """Return the values of a variable at points of the body, by default at all.
 
-        Dimensions of the sweep are those of the body, and are gone where the cut has an index; what
-        a contact line has once has none.
+        Variables of the root are read at the level. Dimensions of the sweep are those of the body.
+        They are dropped where the cut has an index, and absent from variables that do not depend on
+        the point.
         """
         index = self._index(variable, level, cut)
         values = self._values(variable)[tuple(index[dim] for dim in variable.dimensions)]
@@ -166,31 +171,32 @@ class StoredBody:
     def rows(self, variable: netCDF4.Variable, level: int, cut: Cut) -> Values:
         """Return (R, …) values at the points of a cut of slices, in C order."""
         values = self.read(variable, level, cut)
-        own = sum(dim in (*self.dims, POINT) for dim in variable.dimensions)
-        return values.reshape(math.prod(values.shape[:own]), *values.shape[own:])
+        sweep_ndim = sum(dim in (*self.dims, POINT) for dim in variable.dimensions)
+        return values.reshape(math.prod(values.shape[:sweep_ndim]), *values.shape[sweep_ndim:])
 
     def sizes(self, level: int) -> list[int]:
-        """Return how many nodes the contact line and the mesh of a level have."""
+        """Return the numbers of nodes of the contact line and, if it is stored, of the mesh."""
+        names = ("node", "mesh_node")
         if self.number is not None:
             extents = self._extents(level)
-            own = [extents[dim] for dim in ("node", "mesh_node") if dim in extents]
-            return [extent.stop - extent.start for extent in own]
+            slices = [extents[dim] for dim in names if dim in extents]
+            return [extent.stop - extent.start for extent in slices]
         dims = self.group(level).dimensions
-        return [int(dims[dim].size) for dim in ("node", "mesh_node") if dim in dims]
+        return [int(dims[dim].size) for dim in names if dim in dims]
 
     def attributes(self, variable: netCDF4.Variable) -> dict[str, Any]:
-        """Return the attributes of a variable, without the flag of nodes that the body has not."""
-        own = {name: variable.getncattr(name) for name in variable.ncattrs()}
-        own.pop("_FillValue", None)
-        meanings = str(own.get("flag_meanings", "")).split()
+        """Return the attributes of a variable, without the flag of padded nodes."""
+        attributes = {name: variable.getncattr(name) for name in variable.ncattrs()}
+        attributes.pop("_FillValue", None)
+        meanings = str(attributes.get("flag_meanings", "")).split()
         if self.number is not None and meanings[:1] == [NONE]:
-            own["flag_meanings"] = " ".join(meanings[1:])
-            own["flag_values"] = own["flag_values"][1:]
-        return own
+            attributes["flag_meanings"] = " ".join(meanings[1:])
+            attributes["flag_values"] = attributes["flag_values"][1:]
+        return attributes
 
     @property
     def overrides(self) -> str:
-        """The options that make the study of the body of the text in the file, one a line."""
+        """Options that make the study of the body of the study of the file, one per line."""
         if self.number is not None:
             return str(self._values(self.nc[OVERRIDES.name])[self.number])
         return str(self.nc.getncattr("overrides"))
@@ -198,39 +204,40 @@ class StoredBody:
     @property
     def about(self) -> dict[str, Any]:
         """The global attributes of a file of this body alone."""
-        nc = self.nc
-        own = {name: nc.getncattr(name) for name in nc.ncattrs()} | {"overrides": self.overrides}
-        return {name: value for name, value in own.items() if name not in (GEOMETRIES, LAYOUT)}
+        names = [name for name in self.nc.ncattrs() if name not in (GEOMETRIES, LAYOUT)]
+        attributes = {name: self.nc.getncattr(name) for name in names}
+        return attributes | {"overrides": self.overrides}
 
     def dataset(self, level: int, cut: Cut = ()) -> xarray.Dataset:
-        """Return the variables of a level at points of a cut, by default at all, as a run of the
-        body alone has them: nodes count from 0, nothing is padded.
+        """Return the variables of a level at points of a cut, by default at all points.
 
-        All solutions of a point (`solver.branch: all`) are left out where there is a cut.
+        They are those of a run of the body alone: nodes count from 0, nothing is padded. All
+        solutions of a point (`solver.branch: all`) are left out if there is a cut.
         """
         import xarray
 
         variables = dict[str, Any]()
         for name, variable in self.group(level).variables.items():
-            is_shared = self.number is not None and name in _OF_ALL
+            is_shared = self.number is not None and name in _GEOMETRY_NAMES
             if is_shared or (cut and "solution" in variable.dimensions):
                 continue
             index = self._index(variable, level, cut)
-            kept = [dim for dim in variable.dimensions if not isinstance(index[dim], int)]
+            dims = [dim for dim in variable.dimensions if not isinstance(index[dim], int)]
             values = self.read(variable, level, cut)
             if self.listed:
-                kept = [OWN_POINT if dim == POINT else dim for dim in kept]
-                if name in _FIELDS and not cut and OWN_POINT not in kept:
-                    kept, values = [OWN_POINT, *kept], values[None]
-            if "solution" in kept and self.number is not None:
+                dims = [OWN_POINT if dim == POINT else dim for dim in dims]
+                if name in _FIELD_NAMES and not cut and OWN_POINT not in dims:
+                    dims = [OWN_POINT, *dims]
+                    values = values[None]
+            if "solution" in dims and self.number is not None:
                 values = self._own_solutions(level, name, values)
-            sizes = dict(zip(kept, values.shape, strict=True))
-            if all(sizes.get(dim, 1) for dim in _OWN_LENGTHS):
-                variables[name] = xarray.Variable(kept, values, self.attributes(variable))
+            sizes = dict(zip(dims, values.shape, strict=True))
+            if all(sizes.get(dim, 1) for dim in _OPTIONAL_DIMS):
+                variables[name] = xarray.Variable(dims, values, self.attributes(variable))
         return xarray.Dataset(variables)
 
     def level_table(self, names: Sequence[str]) -> xarray.Dataset:
-        """Return the status of its points by level, and by these names what a level has once."""
+        """Return the status of the points by level, and the values of levels of these names."""
         import xarray
 
         levels = range(self.nc.dimensions["level"].size)
@@ -241,8 +248,10 @@ class StoredBody:
         return xarray.Dataset(table)
 
     def coordinates(self) -> dict[str, Any]:
-        """Return the labels of the points of the body, by name of the swept parameter; a single one
-        of a parameter that makes the geometry."""
+        """Return the labels of the points of the body, by name of the swept parameter.
+
+        A parameter that changes the geometry has a single label.
+        """
         import xarray
 
         root = self.nc if self.nc.parent is None else self.nc.parent
@@ -257,9 +266,10 @@ class StoredBody:
             return coordinates
         first = np.unravel_index(self.places[0], status.shape[:-1])
         for dim, place in zip(sweep, first, strict=True):
-            kept = (dim,) if dim in self.dims else ()
-            labels = root[dim][...] if kept else root[dim][int(place)]
-            coordinates[dim] = xarray.Variable(kept, labels, self.attributes(root[dim]))
+            is_swept = dim in self.dims
+            labels = root[dim][...] if is_swept else root[dim][int(place)]
+            dims = (dim,) if is_swept else ()
+            coordinates[dim] = xarray.Variable(dims, labels, self.attributes(root[dim]))
         return coordinates
 
     @property
@@ -268,62 +278,65 @@ class StoredBody:
         return self.number is not None and self.dims == (OWN_POINT,)
 
     def _own_solutions(self, level: int, name: str, values: Values) -> Values:
-        """Return the part of a variable of all solutions that is of points of the body."""
-        point = self._values(self.group(level)["solution_point"])[...]
-        own = np.isin(point, self.places)
-        return np.searchsorted(self.places, point[own]) if name == "solution_point" else values[own]
+        """Return the part of a variable of all solutions that belongs to points of the body."""
+        solution_places = self._values(self.group(level)["solution_point"])[...]
+        belongs = np.isin(solution_places, self.places)
+        if name == "solution_point":
+            return np.searchsorted(self.places, solution_places[belongs])
+        return values[belongs]
 
     def _values(self, variable: netCDF4.Variable) -> Any:
-        if self.kept is None:
+        if self.cache is None:
             return variable
         path = f"{variable.group().path}/{variable.name}"
-        if path not in self.kept:
-            self.kept[path] = variable[...]
-        return self.kept[path]
+        if path not in self.cache:
+            self.cache[path] = variable[...]
+        return self.cache[path]
 
     def _index(self, variable: netCDF4.Variable, level: int, cut: Cut) -> dict[str, Any]:
         """Return the index of the body, at points of a cut, by dimension of a variable."""
         index: dict[str, Any] = dict.fromkeys(variable.dimensions, slice(None))
-        own: dict[str, Any] = dict(zip(self.dims, cut, strict=False))
+        sweep_index: dict[str, Any] = dict(zip(self.dims, cut, strict=False))
         if self.number is None:
-            return index | own | {"level": level}
+            return index | sweep_index | {"level": level}
         if self.listed:
-            points = own.get(OWN_POINT, slice(None))
-            own[POINT] = _compact(self.places[points])
-            own[OWN_POINT] = points if isinstance(points, int) else _within(points, self.shape[0])
+            points = sweep_index.get(OWN_POINT, slice(None))
+            sweep_index[POINT] = _compact(self.places[points])
+            if not isinstance(points, int):
+                points = _within(points, self.shape[0])
+            sweep_index[OWN_POINT] = points
         if variable.name in ONCE:
-            own = dict.fromkeys(self.dims, 0) | {POINT: int(self.places[0])}
-        return {**index, **self.outer, **own, **self._extents(level), "level": level}
+            sweep_index = dict.fromkeys(self.dims, 0) | {POINT: int(self.places[0])}
+        return {**index, **self.outer, **sweep_index, **self._extents(level), "level": level}
 
     def _extents(self, level: int) -> dict[str, slice]:
-        """Return where the lengths that geometries have of their own lie along the dimensions of a
-        level."""
-        if level not in self._known:
-            self._known[level] = self._find_extents(level)
-        return self._known[level]
+        """Return the slices of the body along the dimensions of a level."""
+        if level not in self._extents_by_level:
+            self._extents_by_level[level] = self._find_extents(level)
+        return self._extents_by_level[level]
 
     def _find_extents(self, level: int) -> dict[str, slice]:
         m = int(self.once("n_contact", level))
         extents = {"node": slice(0, m), "node_column": slice(0, m)}
         group = self.group(level)
-        ends = ("held_arclength", "held_end"), ("joint_node", "joint"), ("rim_edge", "rim_segment")
-        for name, dim in ends:
+        padded = {"held_end": "held_arclength", "joint": "joint_node", "rim_segment": "rim_edge"}
+        for dim, name in padded.items():
             if name in group.variables:
                 variable = group[name]
                 index = {**self.outer, POINT: int(self.places[0]), dim: slice(None)}
                 row = self._values(variable)[tuple(index.get(d, 0) for d in variable.dimensions)]
-                there = ~np.isnan(row) if row.dtype.kind == "f" else row != MISSING_COUNT
-                extents[dim] = slice(0, int(np.count_nonzero(there)))
+                is_padding = np.isnan(row) if row.dtype.kind == "f" else row == MISSING_COUNT
+                extents[dim] = slice(0, int(np.count_nonzero(~is_padding)))
         for variable in MESH_COUNTS:
             if variable.name in group.variables:
                 counts = self._values(group[variable.name])
-                before = int(np.sum(counts[: self.number], dtype=np.int64))
-                own = slice(before, before + int(counts[self.number]))
-                extents[variable.name.removesuffix("_count")] = own
+                start = int(np.sum(counts[: self.number], dtype=np.int64))
+                stop = start + int(counts[self.number])
+                extents[variable.name.removesuffix("_count")] = slice(start, stop)
         return extents
 
     @cached_property
-    def _known(self) -> dict[int, dict[str, slice]]:
+    def _extents_by_level(self) -> dict[int, dict[str, slice]]:
         return {}
 
 
@@ -334,13 +347,13 @@ def _sweep_of(nc: netCDF4.Dataset) -> tuple[tuple[str, ...], tuple[int, ...]]:
 
 
 def _within(points: slice, count: int) -> slice:
-    """Return a slice that ends with the last of so many points."""
+    """Return a slice whose ends lie within so many points."""
     start, stop, _ = points.indices(count)
     return slice(start, stop)
 
 
 def _compact(places: Any) -> Any:
-    """Return places as an index or a slice where they are one, which is read faster."""
+    """Return places as an index or a slice if they can be, because that is read faster."""
     if np.ndim(places) == 0:
         return int(places)
     if len(places) and places[-1] - places[0] == len(places) - 1:

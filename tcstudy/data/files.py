@@ -4,16 +4,15 @@ A file is written aside in the same directory, brought to the disk (fsync) and r
 one, so that a crash, a full disk or a power cut leaves the old file as it was, and a reader of the
 old file keeps it.
 
-A result file ends in a seal, a SHA-256 of all bytes before it, which tells without the netCDF
-library that tcstudy wrote the file and that no byte has changed since. It ignores what follows the
-end that a file states; a program that changes the file cuts the seal off. A file whose seal is
-broken is refused; one without a seal is read, which is told.
+A result file ends in a seal, a SHA-256 checksum of all bytes before it. The seal shows without the
+netCDF library that tcstudy wrote the file and that no byte has changed since. The netCDF library
+ignores what follows the end that a file states. A program that changes the file cuts the seal off.
+A file whose seal is broken is refused. One without a seal is read, with a warning.
 
-Its global attributes are the study's text, command, versions, commit; by them it also tells which
-command wrote it and which results it holds, so that two studies do not overwrite each other and
-none is computed twice. Nothing of a machine is recorded: absolute paths are cut to the file name.
-What one must know of a result before using it is told when it is found, kept in the file, and told
-again by its readers: as a StudyWarning.
+Its global attributes are the study's text, command, versions and commit. They show which command
+wrote the file and which results it holds, so that no study overwrites another or is computed twice.
+Nothing of a machine is recorded: absolute paths are cut to the file name. Warnings about a result
+are issued when it is computed, stored in the file, and issued again by its readers.
 """
 
 from __future__ import annotations
@@ -55,41 +54,45 @@ class Unreadable(Exception):
     """The file cannot be read; the text says why."""
 
 
-_MARK = b"\ntcstudy result, sha256 "
-_LENGTH = len(_MARK) + 64 + 1
-_BLOCK = 1 << 20
+_SEAL_MARK = b"\ntcstudy result, sha256 "
+_SEAL_LENGTH = len(_SEAL_MARK) + 64 + 1
+_READ_BYTES = 1 << 20
 
 
 def put_seal(file: Path) -> None:
+    """Append the seal to a file."""
     with open(file, "rb+") as stream:
         digest = _digest(stream, os.fstat(stream.fileno()).st_size)
         stream.seek(0, os.SEEK_END)
-        stream.write(_MARK + digest + b"\n")
+        stream.write(_SEAL_MARK + digest + b"\n")
 
 
 def seal_of(file: Path) -> bool | None:
-    """Whether a file is as it was written; None if it has no seal: changed, cut, or a stranger's.
-    Raises OSError."""
-    now = file.stat()
-    return _seal_of(os.path.realpath(file), now.st_size, now.st_ino, now.st_mtime_ns)
+    """Return whether a file is as it was written; None if it has no seal.
+
+    A file without a seal was changed, is cut short, or was written by another program.
+    Raises OSError.
+    """
+    status = file.stat()
+    return _seal_of(os.path.realpath(file), status.st_size, status.st_ino, status.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
 def _seal_of(file: str, size: int, *_stamp: int) -> bool | None:
-    """Computed once while the file stays as it is: one command opens it several times."""
+    """Return `seal_of` a file, computed once while it stays as it is: a command opens it often."""
     with open(file, "rb") as stream:
-        stream.seek(max(0, size - _LENGTH))
-        end = stream.read(_LENGTH)
-        if not (end.startswith(_MARK) and end.endswith(b"\n")):
+        stream.seek(max(0, size - _SEAL_LENGTH))
+        seal = stream.read(_SEAL_LENGTH)
+        if not (seal.startswith(_SEAL_MARK) and seal.endswith(b"\n")):
             return None
         stream.seek(0)
-        return _digest(stream, size - _LENGTH) == end[len(_MARK) : -1]
+        return _digest(stream, size - _SEAL_LENGTH) == seal[len(_SEAL_MARK) : -1]
 
 
 def _digest(stream: BinaryIO, length: int) -> bytes:
-    """Of the first bytes of a stream."""
+    """Return the SHA-256 checksum of the next `length` bytes of a stream, in hexadecimal digits."""
     digest = hashlib.sha256()
-    while length > 0 and (block := stream.read(min(_BLOCK, length))):
+    while length > 0 and (block := stream.read(min(_READ_BYTES, length))):
         digest.update(block)
         length -= len(block)
     return digest.hexdigest().encode()
@@ -97,22 +100,22 @@ def _digest(stream: BinaryIO, length: int) -> bytes:
 
 ANEW = "Run the study again with --force to make it anew"
 AWAY = "Remove it and run the study again"
-"""What to do with a damaged file: --force replaces what is known to be a result, and nothing else."""
+"""Remedies for a damaged file: --force replaces only what is known to be a result."""
 FINISHED = "finished"
 """Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
 PARTIAL = ".partial"
-"""What the journal of a run adds to the name of its output."""
+"""Suffix that the journal of a run adds to the name of its output."""
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
-"""How netCDF-4 and older netCDF files begin."""
+"""First bytes of netCDF-4 files and of older netCDF files."""
 _MISFITS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, RuntimeError)
-"""What reading and drawing values that do not fit together may raise."""
+"""Exceptions that reading and drawing may raise if values do not fit together."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Which file stood at a path at a moment: the same one is there as long as `is_there`.
+    """The file that stood at a path at some moment.
 
-    identity: size [byte], number of the file, time of its last change [ns]; None where there was no file
+    identity: size [byte], inode number, time of the last change [ns]; None where there was no file
     """
 
     path: Path
@@ -120,75 +123,78 @@ class Snapshot:
 
     @classmethod
     def of(cls, path: Path) -> Snapshot:
-        """Return which file stands at a path now. Raises OSError."""
+        """Return the snapshot of the file that stands at a path. Raises OSError."""
         try:
-            now = os.stat(path)
+            status = os.stat(path)
         except (FileNotFoundError, NotADirectoryError):
             return cls(path, None)
-        return cls(path, (now.st_size, now.st_ino, now.st_mtime_ns))
+        return cls(path, (status.st_size, status.st_ino, status.st_mtime_ns))
 
     def is_there(self) -> bool:
-        """Return whether that file, or none, is still there, unchanged."""
+        """Return whether the same file, or still no file, is there unchanged."""
         return Snapshot.of(self.path) == self
 
     def check(self) -> None:
         """Raise StoreError if another file is there, or this one has changed."""
         if not self.is_there():
-            what = "was replaced or changed by another program in the meantime"
-            raise StoreError(f"{self.path} {what}; run the same command again")
+            change = "was replaced or changed by another program in the meantime"
+            raise StoreError(f"{self.path} {change}; run the same command again")
 
 
 def is_foreign(file: Path) -> bool:
-    """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss.
-    Raises OSError."""
+    """Return whether a file is there that does not say it is a result of tcstudy.
+
+    An empty file is not foreign, because losing it is no loss. Raises OSError.
+    """
     if not file.is_file() or not file.stat().st_size or seal_of(file) is not None:
         return False
     try:
-        return not _says_ours(_attributes(file))
+        return not _is_result(_attributes(file))
     except Unreadable:
         return True
 
 
 def attributes(path: Path) -> dict[str, Any]:
-    """The global attributes of a complete result file. Raises StoreError if it is none, or
-    damaged."""
-    if path.is_dir():
-        raise StoreError(f"{path} is a directory; name a file in it")
-    if not path.exists():
-        if path.with_name(path.name + PARTIAL).exists():
-            raise StoreError(
-                f"{path} is not there yet: its run has not finished. Run the study again to resume it"
-            )
-        raise StoreError(f"there is no file {path}. Run the study first, or check the name")
-    if not path.is_file():
-        raise StoreError(f"{path} is no file but a device or a pipe; name a result file")
-    if path.suffix in (".yaml", ".yml"):
-        raise StoreError(
-            f"{path} is a study and not its results; name the .nc file that its run wrote"
-        )
+    """Return the global attributes of a complete result file.
+
+    Raises StoreError if it is no such file, or damaged.
+    """
+    if fault := _fault_of_name(path):
+        raise StoreError(fault)
     try:
-        found = _attributes(path)
+        values = _attributes(path)
     except Unreadable as error:
         if is_locked(path):
-            what = "is open in another program, which may be changing it. Close it there"
-            raise StoreError(f"{path} {what}") from error
-        raise StoreError(
-            f"{path} is no netCDF file or is cut short or damaged ({error}). {remedy_of(path)}"
-        ) from error
+            fault = "is open in another program, which may be changing it. Close it there"
+        else:
+            fault = f"is no netCDF file or is cut short or damaged ({error}). {remedy_of(path)}"
+        raise StoreError(f"{path} {fault}") from error
     except (OSError, RuntimeError) as error:
-        raise StoreError(
-            f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
-        ) from error
-    if not _says_ours(found):
-        raise StoreError(
-            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. "
-            f"{remedy_of(path)}"
-        )
-    return found
+        raise StoreError(f"cannot read {path}: {_cause(error)}") from error
+    if not _is_result(values):
+        fault = "is unfinished (its writer stopped midway) or not made by tcstudy"
+        raise StoreError(f"{path} {fault}. {remedy_of(path)}")
+    return values
+
+
+def _fault_of_name(path: Path) -> str:
+    """Return why no result file can be at a path; empty if one may be there."""
+    if path.is_dir():
+        return f"{path} is a directory; name a file in it"
+    if not path.exists():
+        if path.with_name(path.name + PARTIAL).exists():
+            remedy = "Run the study again to resume it"
+            return f"{path} is not there yet: its run has not finished. {remedy}"
+        return f"there is no file {path}. Run the study first, or check the name"
+    if not path.is_file():
+        return f"{path} is no file but a device or a pipe; name a result file"
+    if path.suffix in (".yaml", ".yml"):
+        return f"{path} is a study and not its results; name the .nc file that its run wrote"
+    return ""
 
 
 def remedy_of(path: Path) -> str:
-    """Return what to do with a file that cannot be read."""
+    """Return the remedy for a file that cannot be read."""
     return AWAY if is_foreign(path) else ANEW
 
 
@@ -207,10 +213,12 @@ def is_locked(path: Path) -> bool:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    """Return the global attributes of a file, read once while it stays as it is: opening a file of
-    many groups takes long, and one command asks several times."""
-    now = path.stat()
-    stamp = now.st_size, now.st_ino, now.st_mtime_ns, now.st_ctime_ns
+    """Return the global attributes of a file, read once while it stays as it is.
+
+    Opening a file of many groups takes long, and a command needs them several times.
+    """
+    status = path.stat()
+    stamp = (status.st_size, status.st_ino, status.st_mtime_ns, status.st_ctime_ns)
     return dict(_read_attributes(Path(os.path.realpath(path)), *stamp))
 
 
@@ -232,40 +240,43 @@ def _read_attributes(path: Path, *_stamp: int) -> dict[str, Any]:
         if seal:
             raise
         raise Unreadable(getattr(error, "strerror", None) or str(error)) from error
-    return {
-        name: value.tolist() if hasattr(value, "tolist") else value
-        for name, value in values.items()
-    }
+    for name, value in values.items():
+        if hasattr(value, "tolist"):
+            values[name] = value.tolist()
+    return values
 
 
 @lru_cache(maxsize=16)
 def _damage_of(path: Path, *_stamp: int) -> str:
-    """Return `damage_of` a file, found out once while the file stays as it is."""
+    """Return `damage_of` a file, determined once while the file stays as it is."""
     return damage_of(path)
 
 
 def change_of(path: Path) -> str:
-    """That another program has changed a result file since tcstudy wrote it; empty if none has.
-    Raises StoreError if it is no result file."""
+    """Return that a result file was changed since tcstudy wrote it; empty if it was not.
+
+    Raises StoreError if it is no result file.
+    """
     attributes(path)
     return "" if seal_of(path) else f"{path} was changed since tcstudy wrote it"
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[Snapshot]:
-    """Read one file, and no other, for the time of a `with`; gives which one it is.
+    """Read a result file within a `with` block, and yield the snapshot of it.
 
-    That the file has changed since tcstudy wrote it is told. Raises StoreError if the file is none,
-    if its contents do not fit together, or if another one has taken its place before the end.
+    Warns if the file was changed since tcstudy wrote it. Raises StoreError if it is no result file,
+    if its contents do not fit together, or if another file takes its place before the end.
     """
     snapshot = Snapshot.of(path)
-    if path in _READ_NOW:
+    if path in _OPEN_FILES:
         yield snapshot
         return
     change = change_of(path)
-    tell([change] if change else [])
+    if change:
+        tell([change])
     misfits = (*_MISFITS, OSError, Warning) if change else _MISFITS
-    _READ_NOW.add(path)
+    _OPEN_FILES.add(path)
     with warnings.catch_warnings():
         if change:
             warnings.simplefilter("error", RuntimeWarning)
@@ -279,56 +290,56 @@ def reading(path: Path) -> Iterator[Snapshot]:
             cause = f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
             raise StoreError(_misfit(path, change, cause)) from error
         finally:
-            _READ_NOW.discard(path)
+            _OPEN_FILES.discard(path)
     snapshot.check()
 
 
 def _misfit(path: Path, change: str, cause: str) -> str:
+    """Return that the contents of a file do not fit together."""
     if change:
-        what = "was changed after tcstudy wrote it and does not hold what it should"
-        return f"{path} {what} ({cause}). {ANEW}"
-    what = "is as tcstudy wrote it, but its contents do not fit together"
-    return f"{path} {what} ({cause}). {ANEW}; if that does not help, it is a fault of tcstudy"
+        fault = "was changed after tcstudy wrote it and does not hold what it should"
+        return f"{path} {fault} ({cause}). {ANEW}"
+    fault = "is as tcstudy wrote it, but its contents do not fit together"
+    return f"{path} {fault} ({cause}). {ANEW}; if that does not help, it is a fault of tcstudy"
 
 
-_READ_NOW: set[Path] = set()
-"""Files that a `reading` is at, within which others say nothing more."""
+_OPEN_FILES: set[Path] = set()
+"""Files within a `reading`; a second `reading` of one checks nothing again."""
 
 
-def _says_ours(found: dict[str, Any]) -> bool:
-    return FINISHED in found and str(found.get("source", "")).startswith("tcstudy")
+def _is_result(values: dict[str, Any]) -> bool:
+    return FINISHED in values and str(values.get("source", "")).startswith("tcstudy")
 
 
-LONGEST_NAME = 255 - 32
-"""Bytes of a name, such that the names of files written beside the output remain below the 255 of
-file systems."""
-ROOM = 3
-"""Free disk that must be there, as a multiple of the expected file (old and new stand side by
-side)."""
-STALE = 3600.0
-"""Seconds without a byte more after which nobody is at work on a file."""
+MAX_NAME_BYTES = 255 - 32
+"""Bytes of a name of an output: file systems allow 255, and names of files beside it are longer."""
+FREE_DISK_FACTOR = 3
+"""Required free disk over the expected file size: the old and the new file stand side by side."""
+STALE_SECONDS = 3600.0
+"""Time without a new byte after which no process works on a file [s]."""
 PROTECTED = "the file is write-protected"
 
 
 def replace_file(
     path: Path,
     make: Callable[[Path], object],
-    kept: str = "",
+    preserved: str = "",
     sealed: bool = True,
     seen: Snapshot | None = None,
 ) -> None:
     """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
 
-    kept:   what of the work is not lost if that fails, for the message
-    sealed: whether it is a result file, which ends in a seal
-    seen:   the only file that may be replaced; None for any
+    preserved: sentence on the work that is not lost if that fails, for the message
+    sealed:    whether it is a result file, which ends in a seal
+    seen:      the only file that may be replaced; None for any
     Raises StoreError if the file cannot be written; the old one is then untouched.
     """
-    target, aside = Path(os.path.realpath(path)), aside_of(path)
+    target = Path(os.path.realpath(path))
+    aside = aside_of(path)
     try:
-        if what := special_file(path):
-            raise StoreError(f"{path} is {what}, no file; choose another output")
-        if _protected(path):
+        if kind := special_file(path):
+            raise StoreError(f"{path} is {kind}, no file; choose another output")
+        if _is_protected(path):
             raise PermissionError(errno.EACCES, PROTECTED, str(path))
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_stale(path)
@@ -344,7 +355,9 @@ def replace_file(
         os.replace(aside, target)
         sync_directory(target.parent)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
-        remedy = f"Free some space, make the place writable or choose another output{'; ' * bool(kept)}{kept}"
+        remedy = "Free some space, make the place writable or choose another output"
+        if preserved:
+            remedy = f"{remedy}; {preserved}"
         raise StoreError(f"cannot write {path}: {_cause(error)}. {remedy}") from error
     finally:
         with suppress(OSError):
@@ -352,62 +365,68 @@ def replace_file(
 
 
 def aside_of(path: Path) -> Path:
-    """Where this process writes the file that is to take the place of `path`."""
+    """Return where this process writes the file that is to take the place of `path`."""
     target = Path(os.path.realpath(path))
     return target.with_name(f".{target.name}.{_host()}-{os.getpid()}.tmp")
 
 
 def _host() -> str:
-    """Return a word for this machine: processes of several machines may have one number."""
+    """Return a word for this machine; processes of two machines may have the same number."""
     return f"{zlib.crc32(platform.node().encode()):08x}"
 
 
 def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
-    """Why `path` could not take a result file of this size, None for any other file; empty if it
-    can. Leaves nothing behind."""
+    """Return why `path` cannot take a file, as a list of at most one sentence. Leaves nothing.
+
+    expected_bytes: size of the result file; None for a file of another kind
+    """
     try:
-        fault = _fault(path, expected_bytes)
+        fault = _fault_of_output(path, expected_bytes)
     except (OSError, ValueError) as error:  # no UTF-8 text, as netCDF needs it, or a NUL character
         fault = f"cannot look at {printable(str(path))}: {_cause(error)}; choose another output"
     return [fault] if fault else []
 
 
-def _fault(path: Path, expected_bytes: int | None) -> str:
-    if (
-        longest := max(len(part.encode()) for part in (*path.parts, ""))
-    ) > LONGEST_NAME:  # names aside are longer
-        what = f"has a part of {longest} bytes; names of results may have {LONGEST_NAME}"
-        return f"{shortened(printable(str(path)))} {what}; choose a shorter output"
+def _fault_of_output(path: Path, expected_bytes: int | None) -> str:
+    """Return why `path` cannot take a file; empty if it can."""
+    longest = max(len(part.encode()) for part in (*path.parts, ""))
+    if longest > MAX_NAME_BYTES:
+        fault = f"has a part of {longest} bytes; names of results may have {MAX_NAME_BYTES}"
+        return f"{shortened(printable(str(path)))} {fault}; choose a shorter output"
     target = Path(os.path.realpath(path))
-    existing = next(p for p in target.parents if p.exists())
+    folder = next(parent for parent in target.parents if parent.exists())
     if path.name in ("", "..") or target.is_dir():
         return f"{path} is a directory; give the name of a file in it"
-    if fault := shell_name(str(path)):  # of which a library would make a file or folder
-        return f"{path} {'; '.join(fault)}"
-    if what := special_file(path):
-        return f"{path} is {what}, no file; choose another output"
-    if not existing.is_dir():
-        return f"{existing} is a file, so {path} cannot be made; choose another output"
-    if _protected(path):
+    if fault_of_name := shell_name(str(path)):  # a library would make a file or folder of it
+        return f"{path} {'; '.join(fault_of_name)}"
+    if kind := special_file(path):
+        return f"{path} is {kind}, no file; choose another output"
+    if not folder.is_dir():
+        return f"{folder} is a file, so {path} cannot be made; choose another output"
+    if _is_protected(path):
         return f"{path}: {PROTECTED}; make it writable or choose another output"
     try:
-        tempfile.TemporaryFile(dir=existing).close()
+        tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
-        return f"cannot write in the directory {existing}: {_cause(error)}; choose another output"
+        return f"cannot write in the directory {folder}: {_cause(error)}; choose another output"
     if expected_bytes is None:
         return ""
     if is_foreign(target):
-        return f"{path} exists and is no result file; it would be lost: remove it or choose another output"
-    free, needed = (
-        f"{number / 1e6:.3g} MB"
-        for number in (shutil.disk_usage(existing).free, ROOM * expected_bytes)
-    )
-    if shutil.disk_usage(existing).free < ROOM * expected_bytes:
-        remedy = (
-            "free some space, choose another output or ask for less (fields: false, fewer levels)"
-        )
-        return f"{existing} has {free} free, but the results need {needed} while they are written; {remedy}"
-    return ""
+        fault = f"{path} exists and is no result file; it would be lost"
+        return f"{fault}: remove it or choose another output"
+    return _lack_of_space(folder, FREE_DISK_FACTOR * expected_bytes)
+
+
+def _lack_of_space(folder: Path, needed_bytes: int) -> str:
+    """Return that a disk has too little free space; empty if it has enough."""
+    free_bytes = shutil.disk_usage(folder).free
+    if free_bytes >= needed_bytes:
+        return ""
+    free = f"{free_bytes / 1e6:.3g} MB"
+    needed = f"{needed_bytes / 1e6:.3g} MB"
+    fault = f"{folder} has {free} free, but the results need {needed} while they are written"
+    remedy = "free some space, choose another output or ask for less (fields: false, fewer levels)"
+    return f"{fault}; {remedy}"
 
 
 def _is_stream(path: Path) -> bool:
@@ -415,7 +434,7 @@ def _is_stream(path: Path) -> bool:
 
     Its links must be followed one by one: the last one ends at whatever file the descriptor has.
     """
-    for _ in range(_MOST_LINKS):
+    for _ in range(_MAX_LINKS):
         folder = os.path.realpath(path.parent)
         if _DESCRIPTORS.fullmatch(folder):
             return True
@@ -426,13 +445,15 @@ def _is_stream(path: Path) -> bool:
 
 
 _DESCRIPTORS = re.compile(r"/dev/fd|/proc/(\d+|self)(/task/\d+)?/fd")
-_MOST_LINKS = 40
-"""Links in a row that the system follows; longer chains are refused by it."""
+_MAX_LINKS = 40
+"""Links in a row that the system follows; it refuses longer chains."""
 
 
 def special_file(path: Path) -> str:
-    """What stands at a path if it is neither a file nor a folder: "a device", …; empty otherwise.
-    Raises OSError where symbolic links go in a circle."""
+    """Return the kind of a path that is neither a file nor a folder, as "a device"; else "".
+
+    Raises OSError where symbolic links go in a circle.
+    """
     if _is_stream(path):
         return "a stream of a process"
     try:
@@ -448,27 +469,30 @@ def special_file(path: Path) -> str:
     return next((name for is_kind, name in kinds.items() if is_kind(mode)), "")
 
 
-def remove_stale(path: Path, alone: bool = False) -> None:
-    """Remove what killed writers of `path` left aside.
+def remove_stale(path: Path, has_lock: bool = False) -> None:
+    """Remove the files that killed writers of `path` left beside it.
 
-    That is what a process wrote that has ended on this machine, what has not grown for STALE
-    seconds, or, for the holder of the lock of `path`, all of it.
+    Such a file is one of a process that has ended on this machine, one that has not grown for
+    STALE_SECONDS, or, for the holder of the lock of `path`, any.
     """
     target = Path(os.path.realpath(path))
-    left = re.compile(rf"\.{re.escape(target.name)}\.([0-9a-f]{{8}})-([0-9]{{1,10}})\.tmp")
-    for name in os.listdir(target.parent) if target.parent.is_dir() else ():
-        if (parts := left.fullmatch(name)) is None:
+    if not target.parent.is_dir():
+        return
+    pattern = re.compile(rf"\.{re.escape(target.name)}\.([0-9a-f]{{8}})-([0-9]{{1,10}})\.tmp")
+    for name in os.listdir(target.parent):
+        match = pattern.fullmatch(name)
+        if match is None:
             continue
-        stale = target.with_name(name)
+        aside = target.with_name(name)
         with suppress(OSError):
-            has_ended = parts[1] == _host() and _has_ended(int(parts[2]))
-            if alone or has_ended or time.time() - stale.stat().st_mtime > STALE:
-                stale.unlink()
+            has_ended = match[1] == _host() and _has_ended(int(match[2]))
+            if has_lock or has_ended or time.time() - aside.stat().st_mtime > STALE_SECONDS:
+                aside.unlink()
 
 
 def _has_ended(process: int) -> bool:
-    """Return whether there is no process with this number on this machine."""
-    if os.name == "nt":  # where looking for a process by a signal would end it
+    """Return whether no process on this machine has this number."""
+    if os.name == "nt":  # there a signal to a process would end it
         return False
     try:
         os.kill(process, 0)
@@ -487,10 +511,8 @@ def sync_directory(directory: Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in (
-            errno.EINVAL,
-            errno.ENOTSUP,
-        ):  # some network file systems know no such thing
+        # some network file systems cannot do that
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
             raise
     finally:
         os.close(descriptor)
@@ -500,20 +522,20 @@ def write_dataset(
     path: Path,
     attributes: Mapping[str, Any],
     fill: Callable[[netCDF4.Dataset], None],
-    kept: str = "",
+    preserved: str = "",
     seen: Snapshot | None = None,
 ) -> None:
-    """Write a result file, replacing an old one in one step: its global attributes, then what
-    `fill` puts into it.
+    """Write the attributes and the contents of a result file, replacing an old one in one step.
 
-    kept, seen: as in `replace_file`
+    fill: puts the contents into the open file
+    preserved, seen: as in `replace_file`
     Raises StoreError if it cannot be written; the old one is then untouched.
     """
 
     import netCDF4
 
     def make(aside: Path) -> None:
-        # which tells of a directory without permission; netCDF4 says that of a full disk, too
+        # this error names a missing permission; that of netCDF4 is the same as for a full disk
         aside.touch()
         try:
             nc = netCDF4.Dataset(aside, "w", format="NETCDF4")
@@ -524,10 +546,10 @@ def write_dataset(
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))
 
-    replace_file(path, make, kept, seen=seen)
+    replace_file(path, make, preserved, seen=seen)
 
 
-def _protected(path: Path) -> bool:
+def _is_protected(path: Path) -> bool:
     # by the mode, not by os.access: renaming over a file needs no right to write it, and root may
     # do anything
     return path.exists() and not path.stat().st_mode & 0o222
@@ -538,7 +560,6 @@ def _cause(error: Exception) -> str:
 
 
 # -- where a result comes from, and what it holds
-# ------------------------------------------------------
 
 CONVENTIONS = "CF-1.11"
 REFERENCES = (
@@ -546,19 +567,23 @@ REFERENCES = (
 )
 PACKAGES = ("numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy")
 NUMERICS = ("numpy", "scipy", "ngsolve", "netgen-mesher", "tcstudy")
-"""Packages whose version can change a result (meshes are equal across runs, not across
-versions)."""
+"""Packages whose version can change a result: another version may make other meshes."""
 GIT_TIMEOUT = 5.0
-"""Seconds that git may take, for example on a slow network disk."""
+"""Time that git may take [s], for example on a slow network disk."""
 WARNINGS, SHORTFALLS = "warnings", "shortfalls"
-"""Global attributes: the warnings as a JSON list of objects, without one if there are none; what of
-a path is not as it was asked for, one sentence a line."""
+"""Global attributes.
+
+WARNINGS:   the warnings as a JSON list of objects; a file without warnings has no such attribute
+SHORTFALLS: what a path lacks of what the study asks for, one sentence per line
+"""
 
 
 @dataclass(frozen=True)
 class Remark:
-    """A warning as data: what it says, and of which geometry, point or level in words; of all if
-    that is empty."""
+    """A warning as data.
+
+    where: the geometry, point or level that it is about, in words; empty if it is about all
+    """
 
     text: str
     where: str = ""
@@ -568,58 +593,61 @@ class Remark:
 
 
 def remarks_of(attributes: Mapping[str, Any]) -> list[Remark]:
-    """The warnings in the global attributes of a file; files from before there were any have
-    none."""
-    stored = [
-        Remark(str(one["text"]), str(one["where"]))
-        for one in json.loads(attributes.get(WARNINGS, "[]"))
-    ]
-    return stored + [Remark(line) for line in str(attributes.get(SHORTFALLS, "")).splitlines()]
+    """Return the warnings in the global attributes of a file."""
+    warnings_stored = json.loads(attributes.get(WARNINGS, "[]"))
+    shortfalls = str(attributes.get(SHORTFALLS, "")).splitlines()
+    remarks = [Remark(str(item["text"]), str(item["where"])) for item in warnings_stored]
+    return remarks + [Remark(sentence) for sentence in shortfalls]
 
 
 def tell_stored(path: Path) -> None:
-    """Warn of what a file keeps. Raises StoreError if it is none, or damaged."""
+    """Issue the warnings stored in a file. Raises StoreError if it is no result, or damaged."""
     tell(remarks_of(attributes(path)))
 
 
 def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()) -> dict[str, Any]:
-    """Global attributes of a result file: those of CF, and all that is needed to repeat the run.
-    command: the words of the command line;  remarks: warnings that the file keeps"""
+    """Return the global attributes of a result file: those of CF, and all that repeat the run.
+
+    command: the words of the command line;  remarks: warnings to store
+    """
     date = datetime.now(UTC).isoformat(timespec="seconds")
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
-    words = re.sub(
-        r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command))
-    )  # of python -m
-    told = [{"text": without_paths(one.text), "where": one.where} for one in remarks]
-    return {
+    command_line = shlex.join(without_directories(command))
+    command_line = re.sub(r"^__main__\.py\b", "tcstudy", command_line)  # of python -m
+    values: dict[str, Any] = {
         "Conventions": CONVENTIONS,
         "title": study.title or "untitled study",
         "institution": study.institution or "unspecified",
         "source": f"tcstudy {versions['tcstudy']}",
-        "history": f"{date} {words}",
+        "history": f"{date} {command_line}",
         "references": REFERENCES,
         "solver": " ".join(study.solver.names),
         "solver_tolerance": study.solver.aim,
         "unit_system": study.units,
         "sweep_mode": study.mode,
-        **(
-            {f"design_{name}": value for name, value in asdict(study.design).items()}
-            if study.design
-            else {}
-        ),
+    }
+    if study.design:
+        values |= {f"design_{name}": value for name, value in asdict(study.design).items()}
+    values |= {
         "study_yaml": study.text,
         "study_sha256": study_sha256(study),
         "overrides": "\n".join(without_directories(study.overrides)),
         "versions": json.dumps(versions),
         "program": program(),
         "git_commit": git_commit(study.source),
-        **({WARNINGS: json.dumps(told)} if told else {}),
     }
+    if remarks:
+        items = [{"text": without_paths(r.text), "where": r.where} for r in remarks]
+        values[WARNINGS] = json.dumps(items)
+    return values
 
 
 def study_sha256(study: Study) -> str:
-    """SHA-256 of all that decides the results: YAML text, overrides, and the bytes of its geometry
-    files. Without overrides and geometry files it is the checksum of the YAML file."""
+    """Return the SHA-256 checksum of all that decides the results.
+
+    That is the YAML text, the overrides, and the bytes of the geometry files. Without overrides and
+    geometry files it is the checksum of the YAML file.
+    """
     digest = hashlib.sha256(study.text.encode())
     for override in study.overrides:
         digest.update(b"\0" + override.encode())
@@ -632,26 +660,29 @@ def study_sha256(study: Study) -> str:
 
 
 def program() -> str:
-    """All of the program that can change a result, as JSON: versions of its packages and the
-    content of its own."""
+    """Return all of the program that can change a result, as JSON: package versions and content."""
     return json.dumps({**package_versions(NUMERICS), "content": content_sha256()})
 
 
 @cache
 def content_sha256() -> str:
-    """SHA-256 of this package's modules, names and texts: a version number does not change with
-    every edit."""
-    package, digest = Path(__file__).parents[1], hashlib.sha256()
+    """Return the SHA-256 checksum of this package's modules, of their names and texts.
+
+    A version number does not change with every edit.
+    """
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256()
     for file in sorted(package.rglob("*.py")):
-        digest.update(
-            b"\0" + file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes()
-        )
+        name = file.relative_to(package).as_posix()
+        digest.update(b"\0" + name.encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
 
 
 def package_versions(names: Iterable[str]) -> dict[str, str]:
-    """Installed versions by package name, without importing the packages; "unknown" if there is
-    none."""
+    """Return the installed versions by package name, "unknown" if a package is not installed.
+
+    The packages are not imported.
+    """
     return {name: _version(name) for name in names}
 
 
@@ -664,27 +695,26 @@ def _version(name: str) -> str:
 
 
 def git_commit(source: Path | None) -> str:
-    """Commit of the checkout that holds the study file, "-dirty" if it does not hold the study as
-    run."""
+    """Return the commit of the checkout of the study file, with "-dirty" if the file differs.
+
+    A file that is not in the checkout differs, too. Without a checkout it is "unknown".
+    """
     if source is None:
         return "unknown"
     directory = source.resolve().parent
     commit = _git(directory, "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty")
     if commit is None or commit.endswith("-dirty"):
         return commit or "unknown"
-    return (
-        commit
-        if _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None
-        else f"{commit}-dirty"
-    )
+    is_tracked = _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None
+    return commit if is_tracked else f"{commit}-dirty"
 
 
 def _git(directory: Path, *arguments: str) -> str | None:
-    """None if git is missing, too slow or says no."""
+    """Return the output of git; None if git is missing, too slow or fails."""
     # GIT_OPTIONAL_LOCKS: asking for the status must not take a lock in the user's checkout
     environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             ["git", "-C", str(directory), *arguments],
             capture_output=True,
             text=True,
@@ -695,13 +725,15 @@ def _git(directory: Path, *arguments: str) -> str | None:
         )
     except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
         return None
-    return done.stdout.strip()
+    return process.stdout.strip()
 
 
 def without_directories(words: Iterable[str]) -> tuple[str, ...]:
-    """Words of a command or override; an absolute path, alone or after "=", is cut to its last
-    part."""
-    return tuple("=".join(_file_name(part) for part in word.split("=")) for word in words)
+    """Return words of a command with every absolute path cut to its last part.
+
+    A path may stand alone or after "=".
+    """
+    return tuple("=".join(map(_file_name, word.split("="))) for word in words)
 
 
 def _file_name(text: str) -> str:
@@ -714,56 +746,64 @@ _PATH = re.compile(r"(?<![^\s'\"(=:])(?:[A-Za-z]:)?[/\\](?:[^\s'\"/\\]+[/\\])+")
 
 
 def without_paths(sentence: str) -> str:
-    """A sentence with every absolute path cut to its last part (a slash within a unit stays)."""
+    """Return a sentence with every absolute path cut to its last part; a unit keeps its slash."""
     return _PATH.sub("", sentence)
 
 
 OTHER_OUTPUT = "give another --output, or --force to replace it"
 Kind = Literal["run", "path", "history", "convergence", "cost", "fit"]
 CONTENT = "content"
-"""Global attribute that tells the files of other commands from those of a run and of converge."""
+"""Global attribute with the command that wrote the file; runs and old convergence files lack it."""
 
 
 def kind_of(path: Path) -> Kind:
-    """The command whose file this is. Raises StoreError if there is no file or it is not
-    complete."""
+    """Return the command that wrote a file. Raises StoreError if it is no complete result file."""
     return kind_from(attributes(path))
 
 
-def kind_from(found: Mapping[str, Any]) -> Kind:
-    """The command by the global attributes of its file."""
-    content = found.get(CONTENT, "convergence" if "reference" in found else "run")
+def kind_from(attributes: Mapping[str, Any]) -> Kind:
+    """Return the command that wrote a file, by its global attributes."""
+    content = attributes.get(CONTENT, "convergence" if "reference" in attributes else "run")
     return next((kind for kind in get_args(Kind) if kind == content), "run")
 
 
-def holds(path: Path, kind: Kind, study: Study | None, **asked: Any) -> bool:
-    """Whether the file holds what a command would compute now, complete.
+def holds(path: Path, kind: Kind, study: Study | None, **decisive: Any) -> bool:
+    """Return whether a file holds the complete results that a command would compute.
 
-    kind: the command;  study: of which, None for any;  asked: global attributes that its options decide
+    kind: the command;  study: None for any;  decisive: global attributes that its options decide
     Raises StoreError if the file holds something else, or is damaged.
     """
-    if (
-        not path.is_file() or not path.stat().st_size or is_foreign(path)
-    ):  # a foreign one is told of elsewhere
+    # a foreign file is reported elsewhere
+    if not path.is_file() or not path.stat().st_size or is_foreign(path):
         return False
     try:
-        found = attributes(path)
+        values = attributes(path)
         if change := change_of(path):
             raise StoreError(f"{change}, and nothing goes on from such a file. {ANEW}")
     except StoreError as error:
         raise StoreError(f"{error}, or give another --output") from error
-    what = ""
-    if (other := kind_from(found)) != kind:
-        what = f"holds results of another command ({other})"
-    elif study is not None and found.get("study_sha256") != study_sha256(study):
-        what = "holds the results of another study, or of this one with other values"
-    elif differing := [name for name, value in asked.items() if found.get(name) != value]:
-        what = f"holds the results of another {'table of data' if 'data_sha256' in differing else '--at'}"
-    elif found.get("program") != program():
-        what = "holds this study as another version of the program or its libraries computed it"
-    if what:
-        raise StoreError(f"{path} {what}; {OTHER_OUTPUT}")
+    if difference := _difference(values, kind, study, decisive):
+        raise StoreError(f"{path} {difference}; {OTHER_OUTPUT}")
     return True
+
+
+def _difference(
+    values: Mapping[str, Any], kind: Kind, study: Study | None, decisive: Mapping[str, Any]
+) -> str:
+    """Return how the results of a file differ from those of a command; empty if they do not."""
+    kind_there = kind_from(values)
+    if kind_there != kind:
+        return f"holds results of another command ({kind_there})"
+    if study is not None and values.get("study_sha256") != study_sha256(study):
+        return "holds the results of another study, or of this one with other values"
+    differing = [name for name, value in decisive.items() if values.get(name) != value]
+    if "data_sha256" in differing:
+        return "holds the results of another table of data"
+    if differing:
+        return "holds the results of another --at"
+    if values.get("program") != program():
+        return "holds this study as another version of the program or its libraries computed it"
+    return ""
 
 
 def already_there(path: Path, study: Study) -> list[str]:

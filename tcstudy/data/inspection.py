@@ -1,4 +1,4 @@
-"""Whether a file without a seal can be read at all, found out by a process beside this one.
+"""Test whether a file without a seal can be read at all, in a process beside this one.
 
 The HDF5 library loops, crashes or asks for any amount of memory on some damaged files, and nothing
 in its own process can stop it. So a file whose bytes may have changed is read once by a process
@@ -19,19 +19,19 @@ from pathlib import Path
 from typing import Any
 
 MIN_SECONDS = 2.5
-"""CPU time in which the process must have read a small file [s]."""
+"""CPU time that the process has for a small file [s]."""
 BYTES_PER_SECOND = 4e6
-"""What it must read of a large one in a second of CPU time [byte/s]."""
+"""Rate at which the process must read a large file, per CPU time [byte/s]."""
 WAIT_FACTOR = 8.0
 """Wall time over CPU time after which the process is ended: the machine may be shared."""
 MAX_MEMORY = 2**31
 """Address space of the process beyond the size of the file [byte]."""
 MAX_EXPANSION = 2000
-"""Bytes that a variable may have for each byte of the file, which compression cannot exceed."""
+"""Largest size of a variable over the size of the file; compression cannot exceed it."""
 MIN_SIZE = 2**16
 """File size below which MAX_EXPANSION counts this one [byte]."""
 MAX_READ = 2**26
-"""Bytes that are read of one variable, from its begin and from its end."""
+"""Size that is read of a variable, from its begin and from its end [byte]."""
 
 
 def damage_of(path: Path) -> str:
@@ -71,13 +71,13 @@ def read_whole(path: str) -> None:
         attributes = {name: nc.getncattr(name) for name in nc.ncattrs()}
         if not str(attributes.get("source", "")).startswith("tcstudy"):
             return
-        most = MAX_EXPANSION * max(MIN_SIZE, os.path.getsize(path))
+        max_size = MAX_EXPANSION * max(MIN_SIZE, os.path.getsize(path))
         for group in _groups(nc):
             for name in group.ncattrs():
                 group.getncattr(name)
             for variable in group.variables.values():
                 variable.set_auto_mask(False)
-                _read_variable(variable, most)
+                _read_variable(variable, max_size)
 
 
 def _groups(group: Any) -> Iterator[Any]:
@@ -86,12 +86,12 @@ def _groups(group: Any) -> Iterator[Any]:
         yield from _groups(child)
 
 
-def _read_variable(variable: Any, most: int) -> None:
+def _read_variable(variable: Any, max_size: int) -> None:
     for name in variable.ncattrs():
         variable.getncattr(name)
     item_bytes = 16 if variable.dtype is str else variable.dtype.itemsize
     declared = item_bytes * math.prod(variable.shape)
-    if declared > most:
+    if declared > max_size:
         raise ValueError(f"{variable.name} would have {declared:.3g} bytes")
     if not variable.ndim:
         variable[...]
@@ -115,9 +115,9 @@ def _limit(seconds: int, size: int) -> None:
         resource.RLIMIT_AS: memory,
         resource.RLIMIT_CORE: 0,
     }
-    for what, limit in limits.items():
+    for resource_kind, limit in limits.items():
         with suppress(ValueError, OSError):  # a lower limit of the whole machine stays
-            resource.setrlimit(what, (limit, limit))
+            resource.setrlimit(resource_kind, (limit, limit))
 
 
 def _main(path: str, seconds: str) -> int:

@@ -2,7 +2,7 @@
 
 They have the few methods of xarray that the reports use, under its names, so that a report takes
 either of them. The import of xarray, with pandas and dask, takes three times as long as all that a
-table on the terminal needs. What is computed with labels is xarray's work (`tcstudy.data.reading`).
+table on the terminal needs. Computations with labels use xarray (`tcstudy.data.reading`).
 """
 
 from __future__ import annotations
@@ -47,20 +47,19 @@ class LabelledArray:
     def dtype(self) -> np.dtype[Any]:
         return self.values.dtype
 
-    def isel(self, where: Index | None = None, **more: Any) -> LabelledArray:
-        """Return the part at integers or slices along dimensions; an integer takes its dimension
-        away."""
-        index = {**(where or {}), **more}
+    def isel(self, index: Index | None = None, **by_name: Any) -> LabelledArray:
+        """Return the part at integers or slices of dimensions; an integer drops its dimension."""
+        index = {**(index or {}), **by_name}
         key = tuple(index.get(dim, slice(None)) for dim in self.dims)
         dims = tuple(dim for dim in self.dims if isinstance(index.get(dim, slice(None)), slice))
         return replace(self, values=np.asarray(self.values[key]), dims=dims)
 
     def transpose(self, *dims: str | EllipsisType) -> LabelledArray:
         """Return the array with its dimensions in this order; `...` stands for those not named."""
-        rest = [dim for dim in self.dims if dim not in dims]
+        unnamed = [dim for dim in self.dims if dim not in dims]
         order = list[str]()
         for dim in dims:
-            order += rest if isinstance(dim, EllipsisType) else [dim]
+            order += unnamed if isinstance(dim, EllipsisType) else [dim]
         axes = [self.dims.index(dim) for dim in order]
         return replace(self, values=self.values.transpose(axes), dims=tuple(order))
 
@@ -68,9 +67,9 @@ class LabelledArray:
         """Return the largest values along these dimensions, by default all; NaN do not count."""
         along = self.dims if dims is None else dims
         axes = tuple(self.dims.index(dim) for dim in along)
-        kept = tuple(dim for dim in self.dims if dim not in along)
+        dims_left = tuple(dim for dim in self.dims if dim not in along)
         largest = np.fmax.reduce(self.values, axis=axes)
-        return replace(self, values=np.asarray(largest), dims=kept)
+        return replace(self, values=np.asarray(largest), dims=dims_left)
 
     def item(self) -> Any:
         """Return the only value."""
@@ -99,7 +98,7 @@ class LabelledArray:
 class LabelledTable:
     """The variables of a group of a file, and its attributes.
 
-    names: of the variables that are coordinates, as xarray calls them
+    names: of the variables that are coordinates in the sense of xarray
     """
 
     variables: Mapping[str, LabelledArray]
@@ -133,9 +132,9 @@ class LabelledTable:
         """Return the names of all other variables."""
         return [name for name in self.variables if name not in self.names]
 
-    def isel(self, where: Index | None = None, **more: Any) -> LabelledTable:
+    def isel(self, index: Index | None = None, **by_name: Any) -> LabelledTable:
         """Return the table of these parts of all variables."""
-        index = {**(where or {}), **more}
+        index = {**(index or {}), **by_name}
         variables = dict[str, LabelledArray]()
         sizes = dict[str, int]()
         for name, array in self.variables.items():
@@ -148,7 +147,7 @@ class LabelledTable:
         return replace(self, variables={**self.variables, **variables})
 
     def __getitem__(self, name: str) -> LabelledArray:
-        """Return a variable; of a dimension without one its integers."""
+        """Return a variable, or the integers of a dimension that has no variable."""
         if name not in self.variables and name in self.sizes:
             return LabelledArray(np.arange(self.sizes[name]), (name,), {})
         return self.variables[name]
@@ -162,6 +161,6 @@ class LabelledTable:
 
 
 def _read(variable: netCDF4.Variable) -> LabelledArray:
-    """Return a variable that is not masked: what is missing among numbers is stored as NaN."""
+    """Return a variable without a mask; missing numbers are stored as NaN."""
     attrs = {name: variable.getncattr(name) for name in variable.ncattrs()}
     return LabelledArray(np.asarray(variable[...]), variable.dimensions, attrs)

@@ -1,9 +1,8 @@
-"""Finished files read: as xarray has them, and back as the records that they were written of, to
-the bit.
+"""Reading finished files: with xarray, and as the records that they were written of, to the bit.
 
-For studies that grow or are mended: what is read here goes through the one writer again. Not here:
-which study a file has (`tcstudy.study.append`), and the group `live`, which is made of the whole
-sweep.
+Records are read to append to a file or to mend it: they go through the one writer again. The study
+of a file is read by `tcstudy.study.append`. The group `live` is not read, because it is computed
+from the whole sweep.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.bodies import StoredBody
+from tcstudy.data.bodies import Cut, StoredBody
 from tcstudy.data.files import OTHER_OUTPUT, Kind, attributes, kind_of, reading
 from tcstudy.data.labelled import LabelledTable
 from tcstudy.data.records import BlockRecord, LevelRecord
@@ -49,8 +48,10 @@ def open_results(path: Path) -> xarray.DataTree:
 
 
 def open_root(path: Path, group: str = "") -> xarray.Dataset:
-    """The same of the root alone, or of one group, in the order of the file: of many geometries it
-    takes less time."""
+    """Open the root group of a result file, or another group, lazily.
+
+    A file of many geometries takes less time than with `open_results`. Raises StoreError.
+    """
     attributes(path)
     import xarray
 
@@ -58,89 +59,87 @@ def open_root(path: Path, group: str = "") -> xarray.Dataset:
 
 
 def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
-    """The whole root group of a result file. Raises StoreError if it is none, or none of this
-    kind."""
-    if kind is not None and (found := kind_of(path)) != kind:
-        raise StoreError(f"{path} holds a {found}, not a {kind}; use tcstudy show")
+    """Return the root group of a result file, read whole.
+
+    Raises StoreError if it is no result file, or not of this kind.
+    """
+    if kind is not None:
+        stored_kind = kind_of(path)
+        if stored_kind != kind:
+            raise StoreError(f"{path} holds a {stored_kind}, not a {kind}; use tcstudy show")
     with open_root(path) as data:
         return data.load()
 
 
 def load_table(path: Path, without: tuple[str, ...] = ()) -> LabelledTable:
-    """Return the root group of a result file for reports, without variables of these names; xarray
-    is not imported. Raises StoreError."""
+    """Return the root group of a result file for reports, except for variables of these names.
+
+    xarray is not imported. Raises StoreError.
+    """
     with opened(path) as nc:
         return LabelledTable.of(nc, without)
 
 
 def sweep_dims(data: Any) -> list[str]:
-    """Dimensions of the sweep of an opened result file (its root dataset); none where it has one
-    point."""
+    """Return the dimensions of the sweep of a root dataset; none if it has one point."""
     return [str(dim) for dim in data["status"].dims if dim not in ("level", "step")]
 
 
 def each_point(data: Any) -> list[dict[str, int]]:
-    """Index along each sweep dimension of every point, in C order."""
+    """Return the index of every point along each sweep dimension, in C order."""
     dims = sweep_dims(data)
-    return [
-        dict(zip(dims, index, strict=True))
-        for index in product(*(range(data.sizes[d]) for d in dims))
-    ]
+    ranges = (range(data.sizes[dim]) for dim in dims)
+    return [dict(zip(dims, index, strict=True)) for index in product(*ranges)]
 
 
 def by_point(values: Any, data: Any) -> NDArray[Any]:
-    """(P, …) values of a variable that lies along the sweep of `data`, its points in C order."""
+    """Return (P, …) values of a variable along the sweep of `data`, its points in C order."""
     dims = sweep_dims(data)
-    own = values.transpose(*dims, ...)
-    flat: NDArray[Any] = own.values.reshape(
-        math.prod(own.shape[: len(dims)]), *own.shape[len(dims) :]
-    )
-    return flat
+    transposed = values.transpose(*dims, ...)
+    count = math.prod(transposed.shape[: len(dims)])
+    rows: NDArray[Any] = transposed.values.reshape(count, *transposed.shape[len(dims) :])
+    return rows
 
 
 def axis_names(data: Any) -> list[str]:
-    """Names of the swept parameters of an opened result file (its root dataset)."""
+    """Return the names of the swept parameters of a root dataset."""
     sweep = set(sweep_dims(data))
     return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
 ASKED = ("force_", "work_", "section_force_", "probe_", "reaction_", "theta_mean_", "von_mises_")
-"""How the names of numbers that `output.probes` and `output.quantities` ask for begin
-(data.schema)."""
+"""Prefixes of the variables on request of `output.probes` and `output.quantities`."""
 
 
 def asked(data: Any) -> list[str]:
-    """Names of these numbers in a run's data, in the order of the file; a load `force_x` of a
-    history is none."""
+    """Return the names of the variables on request of `output`, in the order of the file.
+
+    A load `force_x` of a history is not one of them.
+    """
     loads = str(data.attrs.get("loads", "")).split()
-    return [
-        str(name) for name in data.data_vars if str(name).startswith(ASKED) and name not in loads
-    ]
+    names = (str(name) for name in data.data_vars)
+    return [name for name in names if name.startswith(ASKED) and name not in loads]
 
 
 def of_largest(data: Any) -> Any:
-    """The table of a run with one number for what a level has once: of several geometries the
-    largest."""
+    """Return the table of a run with the largest value of a level over its geometries."""
     if GEOMETRIES not in data.attrs:
         return data
-    names = [
-        name
-        for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
-        if name in data
-    ]
-    return data.assign(
-        {name: data[name].max([d for d in data[name].dims if d != "level"]) for name in names}
-    )
+    largest = dict[str, Any]()
+    for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble"):
+        if name in data:
+            largest[name] = data[name].max([dim for dim in data[name].dims if dim != "level"])
+    return data.assign(largest)
 
 
 Values = NDArray[Any]
-VALUES = 2**22
+MAX_VALUES = 2**22
 """Numbers of one variable that are in memory at a time."""
 
 
 @contextmanager
 def unmasked(path: Path) -> Iterator[netCDF4.Dataset]:
-    """Open a file that is known to be a result, nothing of which is masked."""
+    """Open a file that is known to be a result, without masks."""
     import netCDF4
 
     with netCDF4.Dataset(path) as nc:
@@ -150,130 +149,156 @@ def unmasked(path: Path) -> Iterator[netCDF4.Dataset]:
 
 @contextmanager
 def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
-    """A finished file, or a group of it, nothing of which is masked. Raises StoreError."""
+    """Open a finished file, or a group of it, without masks. Raises StoreError."""
     with reading(path), unmasked(path) as nc:
         yield nc[group] if group else nc
 
 
 def read_level(body: StoredBody, level: int) -> LevelRecord:
-    """Return the record of a level, without what a page needs to solve by itself."""
+    """Return the record of a level, without the arrays of `live`."""
     group = body.group(level)
-    values: dict[str, Any] = {
-        name: body.read(group[name], level) for name in ("arclength", "x", "y", "c", "edge")
-    }
-    names = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
-    values |= {name: body.once(name, level) for name in names}
+    values = dict[str, Any]()
+    for name in ("arclength", "x", "y", "c", "edge"):
+        values[name] = body.read(group[name], level)
+    for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble"):
+        values[name] = body.once(name, level)
+    if "stop" in body.nc.variables:
+        values["stop"] = str(body.once("stop", level))
     meanings = str(body.attributes(group["edge"]).get("flag_meanings", ""))
-    kept = (*schema.MESH, *schema.RIM, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
-    fields = {v.name: body.read(group[v.name], level) for v in kept if v.name in group.variables}
-    return LevelRecord(
-        level=level,
-        **values,
-        edge_names=tuple(meanings.split()),
-        fields={name: array for name, array in fields.items() if len(array)},
-        stop=str(body.once("stop", level)) if "stop" in body.nc.variables else "",
-    )
+    fields = dict[str, Values]()
+    for variable in (*schema.MESH, *schema.RIM, schema.REGION, *schema.HELD[:-1], *schema.JOINTS):
+        if variable.name in group.variables:
+            array = body.read(group[variable.name], level)
+            if len(array):
+                fields[variable.name] = array
+    return LevelRecord(level=level, **values, edge_names=tuple(meanings.split()), fields=fields)
 
 
 def read_blocks(
-    body: StoredBody, study: Study, places: Places, wanted: NDArray[np.bool_]
+    body: StoredBody, study: Study, places: Places, selected: NDArray[np.bool_]
 ) -> Iterator[BlockRecord]:
     """Yield the points of a stored body as blocks of another study.
 
-    places: (P,) where the points of the body, in its order, stand in the sweep of `study`
-    wanted: (points of study, levels) which of them are given; those that were not run never are
+    places:   (P,) of the points of the body, in its order, in the sweep of `study`
+    selected: (points of study, levels) points to yield; those that were not run are left out
     """
-    nc, count = body.nc, body.nc.dimensions["level"].size
-    along = [
-        v.name
-        for v in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS)
-        if SWEEP in v.dims
-    ]
-    names = [v.name for v in numbers(study) if v.name in nc.variables]
-    having = body.levels
-    for level in range(count):
-        line = body.group(level) if level in having else None
-        widths = body.sizes(level) if line is not None else []
-        room = max(1, VALUES // max(32, *widths, 1))
-        for cut, start, stop in tiles(body.shape, tile_shape(body.shape, room)):
-            at, status = places[start:stop], body.rows(nc["status"], level, cut)
-            rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
+    levels = body.levels
+    for level in range(body.nc.dimensions["level"].size):
+        widths = body.sizes(level) if level in levels else []
+        tile = tile_shape(body.shape, max(1, MAX_VALUES // max(32, *widths, 1)))
+        for cut, start, stop in tiles(body.shape, tile):
+            status = body.rows(body.nc["status"], level, cut)
+            is_selected = selected[places[start:stop], level]
+            rows = np.flatnonzero((status != PointStatus.NOT_RUN) & is_selected)
             if not len(rows):
                 continue
-            words = body.rows(nc["reason"], level, cut)[rows]
-            own = {name: body.rows(nc[name], level, cut)[rows] for name in names}
-            if line is not None:
-                present = (name for name in along if name in line.variables)
-                values = {name: body.rows(line[name], level, cut)[rows] for name in present}
-                # a geometry has no held ends although others of the file have some
-                own |= {name: array for name, array in values.items() if array.shape[-1]}
+            reasons = body.rows(body.nc["reason"], level, cut)[rows]
+            values = _numbers(body, study, level, cut, rows)
+            solutions = dict[str, Values]()
+            if level in levels:
+                values |= _line_values(body, study, level, cut, rows)
+                solutions = _solutions(body, level, places, start + rows)
             yield BlockRecord(
-                *(level, study.shape, at[rows], status[rows]),
-                reasons={row: str(reason) for row, reason in enumerate(words) if reason},
-                u_T=own.pop("u_T", None),
-                xi=own.pop("xi", None),
-                sticks=own.pop("sticks", None),
-                fields={v.name: own.pop(v.name) for v in schema.FIELDS if v.name in own},
-                numbers=own,
-                solutions=_every(body, level, places, start + rows) if line is not None else {},
+                level,
+                study.shape,
+                places[start + rows],
+                status[rows],
+                reasons={row: str(reason) for row, reason in enumerate(reasons) if reason},
+                u_T=values.pop("u_T", None),
+                xi=values.pop("xi", None),
+                sticks=values.pop("sticks", None),
+                fields={v.name: values.pop(v.name) for v in schema.FIELDS if v.name in values},
+                numbers=values,
+                solutions=solutions,
             )
 
 
-def _every(body: StoredBody, level: int, places: Places, rows: Places) -> dict[str, Values]:
+def _numbers(
+    body: StoredBody, study: Study, level: int, cut: Cut, rows: Places
+) -> dict[str, Values]:
+    """Return the (R, …) numbers of points at rows of a cut, by name."""
+    names = [v.name for v in numbers(study) if v.name in body.nc.variables]
+    return {name: body.rows(body.nc[name], level, cut)[rows] for name in names}
+
+
+def _line_values(
+    body: StoredBody, study: Study, level: int, cut: Cut, rows: Places
+) -> dict[str, Values]:
+    """Return (R, …) values along the contact line, and fields, at rows of a cut, by name."""
+    values = dict[str, Values]()
+    group = body.group(level)
+    for variable in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS):
+        if SWEEP in variable.dims and variable.name in group.variables:
+            array = body.rows(group[variable.name], level, cut)[rows]
+            # a geometry may have no held ends although others of the file have some
+            if array.shape[-1]:
+                values[variable.name] = array
+    return values
+
+
+def _solutions(body: StoredBody, level: int, places: Places, rows: Places) -> dict[str, Values]:
     """Return all solutions of these points of a body, if the file has them.
 
-    places: where all points of the body stand in the sweep to which they go
+    places: of all points of the body in the sweep to which they go
     """
     group = body.group(level)
     if "solution_point" not in group.variables:
         return {}
-    stored = body.places if body.number is not None else np.arange(len(body.places))
-    point = np.asarray(group["solution_point"][...])
-    own = np.isin(point, stored[rows])
-    columns = {v.name: body.read(group[v.name], level)[own] for v in schema.SOLUTION}
-    return columns | {"solution_point": places[np.searchsorted(stored, point[own])]}
+    stored_places = body.places if body.number is not None else np.arange(len(body.places))
+    solution_places = np.asarray(group["solution_point"][...])
+    belongs = np.isin(solution_places, stored_places[rows])
+    columns = {v.name: body.read(group[v.name], level)[belongs] for v in schema.SOLUTION}
+    points = np.searchsorted(stored_places, solution_places[belongs])
+    return columns | {"solution_point": places[points]}
 
 
-def places_in(study: Study, other: Study) -> Places:
-    """(P,) where the points of another study with the same axes stand in this one, in C order of
-    both; −1: nowhere."""
+def places_in(study: Study, source: Study) -> Places:
+    """Return (P,) places in this study of the points of a source with the same axes.
+
+    Points and places are in C order. The place −1 stands for a point that this study does not have.
+    """
     if not study.axes:
         return np.zeros(1, dtype=np.intp)
-    own = {point: i for i, point in enumerate(points_of(study, study, lambda axis: axis.labels))}
-    return np.array(
-        [own.get(point, -1) for point in points_of(other, study, lambda axis: axis.labels)],
-        dtype=np.intp,
-    )
+    points = points_of(study, study, lambda axis: axis.labels)
+    place_of = {point: place for place, point in enumerate(points)}
+    source_points = points_of(source, study, lambda axis: axis.labels)
+    return np.array([place_of.get(point, -1) for point in source_points], dtype=np.intp)
 
 
 def points_of(
-    study: Study, order: Study, of: Callable[[Axis], Iterable[Any]]
+    study: Study, order: Study, items_of: Callable[[Axis], Iterable[Any]]
 ) -> Iterator[tuple[Any, ...]]:
-    """What every point has of the axes, these in the order of another study, in C order of the
-    points."""
-    at = [
-        next(i for i, axis in enumerate(study.axes) if axis.path == one.path) for one in order.axes
-    ]
-    every = product if study.mode == "grid" else zip
-    return (tuple(point[i] for i in at) for point in every(*map(of, study.axes)))
+    """Yield the items of the axes at every point, in C order of the points.
+
+    order: study whose order of axes the items of a point have
+    """
+    paths = [axis.path for axis in study.axes]
+    axis_index = [paths.index(axis.path) for axis in order.axes]
+    combine = product if study.mode == "grid" else zip
+    for point in combine(*map(items_of, study.axes)):
+        yield tuple(point[i] for i in axis_index)
 
 
 def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
-    """The first steps of this study's history that a file of it has, whatever steps follow there.
-    Raises StoreError where the file has other loads."""
-    data, loads = load_root(path), load_variables(study)
-    both = min(len(loads[0][1]), data.sizes["step"])
-    for variable, own in loads:
+    """Yield the first steps of this study's history that its file has.
+
+    The file may have more steps or fewer. Raises StoreError if it has other loads.
+    """
+    data = load_root(path)
+    loads = load_variables(study)
+    count = min(len(loads[0][1]), data.sizes["step"])
+    for variable, values in loads:
+        if variable.dtype != "f8":
+            continue
         name = variable.name
-        if variable.dtype == "f8" and not (
-            name in data and np.array_equal(data[name].values[:both], own[:both])
-        ):
+        if name not in data or not np.array_equal(data[name].values[:count], values[:count]):
             raise StoreError(f"{path} holds a history with other steps; {OTHER_OUTPUT}")
-    known = {v.name: by_point(data[v.name], data) for v in history_variables(study)}
-    for point, step in np.argwhere(known["status"][:, :both] != PointStatus.NOT_RUN).tolist():
-        found = {
-            name: every[point, step] if every.ndim > 1 else every[point]
-            for name, every in known.items()
-        }
-        ended = known["status"][point, step] != PointStatus.OK
-        yield step_record(study, point, step, found, str(found["reason"]) if ended else "")
+    stored = {v.name: by_point(data[v.name], data) for v in history_variables(study)}
+    status = stored["status"]
+    for point, step in np.argwhere(status[:, :count] != PointStatus.NOT_RUN).tolist():
+        step_values = dict[str, Any]()
+        for name, values in stored.items():
+            step_values[name] = values[point, step] if values.ndim > 1 else values[point]
+        is_ok = status[point, step] == PointStatus.OK
+        reason = "" if is_ok else str(step_values["reason"])
+        yield step_record(study, point, step, step_values, reason)

@@ -1,23 +1,25 @@
-"""What stands in the file of a run: one table of variables, their dimensions, units and meaning
-(CF-1.11).
+"""The variables in the file of a run: their dimensions, units and meaning (CF-1.11).
 
-Root:           results by sweep point and level, and what a level has once
-/level_0, …:    the contact line of that mesh and, if asked for, the whole-body fields (UGRID-1.0)
-Geometries:     a sweep over geometries has the same groups (layout 2). The contact line of every geometry is padded
-                to the longest one of the level; meshes stand end to end as one UGRID mesh of parts that do not touch
-Missing values: NaN for floats (as _FillValue); −1 for counts, outside their valid_min and without _FillValue,
-                so that no reader turns an integer array into floats; for flags the one that says so
+Root:           results by sweep point and level, and the values of a level
+/level_0, …:    the contact line of that mesh and, on request, the whole-body fields (UGRID-1.0)
+Geometries:     A sweep over geometries has the same groups (layout 2). The contact line of every
+                geometry is padded to the longest one of the level. Meshes stand end to end as one
+                UGRID mesh of parts that do not touch.
+Missing values: NaN for floats (as _FillValue). −1 for counts, outside their valid_min and without
+                _FillValue, so that no reader turns an integer array into floats. For flags the one
+                with that meaning.
 
-What `output` asks for: `probe_<name>_u_x`, `_u_y`, `_theta`, `_sigma_xx`, `_sigma_yy`, `_sigma_xy`
-and on a contact edge `_u_T`; `reaction_<edge>_x`, `_y`; `force_<edge>_x`, `_y`, `work_<edge>`;
-`section_force_max`, `section_force_at` and along the contact line `section_force`,
+Variables on request of `output`: `probe_<name>_u_x`, `_u_y`, `_theta`, `_sigma_xx`, `_sigma_yy`,
+`_sigma_xy` and on a contact edge `_u_T`; `reaction_<edge>_x`, `_y`; `force_<edge>_x`, `_y`,
+`work_<edge>`; `section_force_max`, `section_force_at` and along the contact line `section_force`,
 `layer_force_<region>`; `theta_mean_<edge>`; `von_mises_max` with `von_mises_x` and `_y`.
-Derivatives are `sensitivity_<quantity>_<number>`: ∂quantity/∂number at the solution of the point
-and level, the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`.
-They belong to the solution found while its nodes keep their pieces of b: at an event, where
-derivatives of two sides differ, they are missing, and `sensitivity_status` says so. Those of steps
-of a history are differences of whole histories. (Sobol indices, as `tcstudy show` has them, are
-something else.)
+
+Derivatives are `sensitivity_<quantity>_<parameter>`: ∂quantity/∂parameter at the solution of the
+point and level, the parameter's dots written as `_`, as in
+`sensitivity_friction_resultant_friction_delta`. They hold for the stored solution while its nodes
+keep their pieces of b. At an event the derivatives of two sides differ: they are missing there, and
+`sensitivity_status` says so. Derivatives of steps of a history are differences of whole histories.
+They are not the Sobol indices of `tcstudy show`.
 """
 
 from __future__ import annotations
@@ -40,15 +42,13 @@ from tcstudy.scene.records import Clamped, Contact, Free
 from tcstudy.scene.solver_plan import START_NAMES
 from tcstudy.scene.study import Study
 
-UNPROVED_BRANCHES, OPEN_LOOP = (
-    "the branches are not proved to be all",
-    "the hysteresis loop is not whole",
-)
-"""How those shortfalls of a path begin that leave its own solutions complete."""
+UNPROVED_BRANCHES = "the branches are not proved to be all"
+OPEN_LOOP = "the hysteresis loop is not whole"
+"""First words of those shortfalls of a path that leave the solutions on it complete."""
 
 
 class PointStatus(IntEnum):
-    """Status of a sweep point in the data (CF status_flag). Anything but OK carries a reason."""
+    """Status of a sweep point in a file (CF status_flag); every status but OK has a reason."""
 
     NOT_RUN = 0
     OK = 1
@@ -65,34 +65,36 @@ Extra = Mapping[str, Any]
 SWEEP = "*"
 """Stands for the dimensions of the sweep in a `FileVariable.dims`."""
 OUTER, INNER = "+", "-"
-"""Stand for the dimensions of the sweep along which the geometry changes, and for those of the
-points of one geometry."""
+"""Stand for the dimensions of the sweep that change the geometry, and for those of its points."""
 POINT = "point"
 """The one sweep dimension of a study in list mode."""
 OWN_POINT = "own_point"
 """In list mode the dimension of the points of one geometry."""
 GEOMETRIES = "geometries"
-"""Global attribute of a file of several geometries, and its dimension: how many there are."""
+"""Global attribute of a file of several geometries, and its dimension: the number of geometries."""
 LAYOUT, PADDED = "layout", 2
-"""Global attribute that tells how a file keeps several geometries. PADDED: in the groups of the
-levels; files of version 0.8 have none, and a group for every geometry."""
+"""Global attribute with the layout of several geometries, and its value: groups of levels.
+
+Files of version 0.8 have no such attribute, and a group for every geometry.
+"""
 T, RATE = "t", "J m-1/t"
-"""Stand for the units of a path's parameter, and of an energy per unit of it, in a
-`FileVariable.units`."""
+"""Stand for the units of a path's parameter, and of energy per parameter, in a `FileVariable`."""
 POINT_LEVEL, LEVEL = (SWEEP, "level"), ("level",)
 MISSING_COUNT = -1
 
 
 @dataclass(frozen=True)
 class FileVariable:
-    """One netCDF variable.
+    """A netCDF variable.
 
-    units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds; texts have none
-    long_name:  short enough for the axis of a plot;  comment: what more there is to say
+    units:      SI; a dimensionless study ("none") has "1" in place of everything but seconds; texts
+                have no units
+    long_name:  short enough for the axis of a plot
+    comment:    further explanation
     dims:       dimension names; SWEEP stands for those of the sweep
     extra:      further attributes
-    coordinate: True if it locates data: no missing values, no _FillValue
-    no_value:   the flag that stands where there is no value
+    coordinate: whether it locates data: no missing values, no _FillValue
+    no_value:   the flag of a missing value
     """
 
     name: str
@@ -107,22 +109,27 @@ class FileVariable:
 
     @property
     def missing(self) -> float | int | str:
-        """What stands where there is no value."""
-        of_type: dict[Dtype, float | int | str] = {
+        """The value that stands where there is none."""
+        by_type: dict[Dtype, float | int | str] = {
             "f8": float("nan"),
             "i4": MISSING_COUNT,
             "str": "not run",
         }
-        return of_type.get(self.dtype, self.no_value)
+        return by_type.get(self.dtype, self.no_value)
 
     @property
     def fill_value(self) -> float | Literal[False]:
         """The _FillValue attribute; False for none."""
         return float("nan") if self.dtype == "f8" and not self.coordinate else False
 
+    @property
+    def itemsize(self) -> int:
+        """Size of a value in memory [byte]; of a text that of the reference to it."""
+        return 8 if self.dtype == "str" else np.dtype(self.dtype).itemsize
+
 
 def flags(*meanings: str, first: int = 0) -> Extra:
-    """Attributes of bytes that count `meanings` from `first`."""
+    """Return the attributes of bytes that count `meanings` from `first`."""
     values = np.arange(first, first + len(meanings), dtype=np.int8)
     return {"flag_values": values, "flag_meanings": " ".join(meanings)}
 
@@ -136,9 +143,10 @@ CERTIFIED = ("not_certified", "certified")
 def count(
     name: str, long_name: str, dims: Dims = POINT_LEVEL, extra: Extra = JUDGED
 ) -> FileVariable:
-    """A count, −1 where there is none; extra: further attributes."""
-    told = f"{MISSING_COUNT} where there is no value"
-    return FileVariable(name, "i4", "1", long_name, dims, told, {"valid_min": np.int32(0), **extra})
+    """Return the variable of a count, −1 where there is none. extra: further attributes"""
+    comment = f"{MISSING_COUNT} where there is no value"
+    extra = {"valid_min": np.int32(0), **extra}
+    return FileVariable(name, "i4", "1", long_name, dims, comment, extra)
 
 
 def flag(
@@ -148,25 +156,24 @@ def flag(
     dims: Dims = POINT_LEVEL,
     comment: str = "",
 ) -> FileVariable:
-    """Bytes that count meanings from 0; `status` judges them."""
+    """Return the variable of bytes that count meanings from 0; `status` qualifies them."""
     return FileVariable(name, "i1", "1", long_name, dims, comment, {**flags(*meanings), **JUDGED})
 
 
 def result(
     name: str, units: str, long_name: str, comment: str = "", dims: Dims = POINT_LEVEL
 ) -> FileVariable:
-    """A number that `status` judges."""
+    """Return the variable of a number that `status` qualifies."""
     extra = {**JUDGED, **DIFFERENCE} if units == "K" else JUDGED
     return FileVariable(name, "f8", units, long_name, dims, comment, extra)
 
 
-def _time(what: str, dims: Dims = POINT_LEVEL) -> FileVariable:
-    return FileVariable(f"time_{what}", "f8", "s", f"time to {what}", dims, "wall time")
+def _time(step: str, dims: Dims = POINT_LEVEL) -> FileVariable:
+    return FileVariable(f"time_{step}", "f8", "s", f"time to {step}", dims, "wall time")
 
 
 HEAT_BOUND = 1e-10
-"""Largest heat balance that passes: heat is asked to be as exact as friction is by default
-(solver.tolerance).
+"""Largest relative defect of the heat balance that passes, as the default of solver.tolerance.
 
 The defect is rounding × condition of the heat matrix, about 1e-12 on 1e6 good triangles and 1e-9 to
 1e-4 of slivers.
@@ -263,8 +270,8 @@ ROOT: tuple[FileVariable, ...] = (
         ("not_judged", "balanced", "unbalanced"),
         comment=_SLIVERS,
     ),
-    *(_time(what, LEVEL) for what in ("mesh", "assemble")),
-    *(_time(what) for what in ("condense", "solve")),
+    *(_time(step, LEVEL) for step in ("mesh", "assemble")),
+    *(_time(step) for step in ("condense", "solve")),
 )
 
 _OF_REGIONS = {
@@ -280,16 +287,18 @@ REGIONS: tuple[FileVariable, ...] = (
         "breathing length",
         "where u_T is not 0; missing for laws that stick nowhere",
     ),
-    *(result(f"{name}_length", "m", f"{name} length", what) for name, what in _OF_REGIONS.items()),
+    *(
+        result(f"{name}_length", "m", f"{name} length", meaning)
+        for name, meaning in _OF_REGIONS.items()
+    ),
 )
-"""What is kept where the laws have such a region: lengths of the contact line, u_T being linear
-between its nodes."""
+"""Lengths of the contact line in the regions that the laws have; u_T is linear between nodes."""
 
 
 def region_variables(study: Study) -> tuple[FileVariable, ...]:
-    """Those of REGIONS that some law of the study has."""
-    own = law_regions(study.scenes)
-    return tuple(v for v in REGIONS if v.name.removesuffix("_length") in own)
+    """Return the variables of REGIONS whose region some law of the study has."""
+    regions = law_regions(study.scenes)
+    return tuple(v for v in REGIONS if v.name.removesuffix("_length") in regions)
 
 
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
@@ -304,9 +313,10 @@ EVERY: tuple[FileVariable, ...] = (
         comment=_LISTED,
     ),
 )
-"""What is kept of a point where all its solutions are sought."""
+"""Variables of points of which all solutions are sought."""
 
-_SOLUTION, _SIDES = ("solution",), "counted from the left, jumps included"
+_SOLUTION = ("solution",)
+_SIDES = "counted from the left, jumps included"
 SOLUTION: tuple[FileVariable, ...] = (
     FileVariable(
         "solution_point", "i4", "1", "place of its point in the sweep, in C order", _SOLUTION
@@ -326,13 +336,10 @@ SOLUTION: tuple[FileVariable, ...] = (
         "solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), _SIDES
     ),
 )
-"""All solutions of all points of a level, those of a point one after the other, lowest energy
-first."""
+"""All solutions of all points of a level, point by point, the lowest energy of a point first."""
 
-_BY_SOLVER, _FIRST = (
-    (*POINT_LEVEL, "solver"),
-    "max |u_T - u_T of the first solver| over max |u_T| of the first",
-)
+_BY_SOLVER = (*POINT_LEVEL, "solver")
+_FIRST = "max |u_T - u_T of the first solver| over max |u_T| of the first"
 SOLVERS: tuple[FileVariable, ...] = (
     FileVariable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
     FileVariable("solver_energy", "f8", "J m-1", "energy by solver", _BY_SOLVER),
@@ -342,8 +349,7 @@ SOLVERS: tuple[FileVariable, ...] = (
         "solver_difference", "f8", "1", "difference to the first solver", _BY_SOLVER, _FIRST
     ),
 )
-"""What is kept of every solver where a study names several; the first one's solution is the stored
-one."""
+"""Variables by solver of a study that names several; the solution of the first one is stored."""
 
 ESTIMATES: tuple[FileVariable, ...] = (
     result(
@@ -354,9 +360,10 @@ ESTIMATES: tuple[FileVariable, ...] = (
     ),
     FileVariable("stop", "str", "", "why refinement ended", LEVEL),
 )
-"""What is kept where errors are estimated."""
+"""Variables of a study that estimates errors."""
 
-_BODY, _PROVED = "of the body itself, not of the mesh", ("not_proved", "proved")
+_BODY = "of the body itself, not of the mesh"
+_PROVED = ("not_proved", "proved")
 _UNIQUE = "omega < lambda_1_low: the problem itself, not its discretisation, has one solution"
 _BOUND = "over the norm of the body's solution, no less; missing where that may be 0"
 GUARANTEED: tuple[FileVariable, ...] = (
@@ -377,7 +384,7 @@ GUARANTEED: tuple[FileVariable, ...] = (
     ),
     result("error_bound_relative", "1", "relative bound of the error", _BOUND),
 )
-"""What is kept where a guarantee is asked for."""
+"""Variables of a study with a guarantee."""
 
 _GOALS = {
     "friction_resultant": ("N m-1", _INTEGRAL),
@@ -388,24 +395,28 @@ _GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
 
 
 def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
-    """What is kept of a goal; the energy norm has none, its error is `error_estimate`."""
+    """Return the variables of a goal; the error in the energy norm is `error_estimate`.
+
+    exact: whether the study has an exact solution
+    """
     if goal.quantity == "energy":
         return ()
-    units, what = _GOALS[goal.quantity]
-    known = (
-        "against the exact solution"
-        if goal.known is None
-        else f"against {goal.known!r}, which is known"
-    )
-    own = (
-        result("goal", units, "goal of the study", what),
+    units, meaning = _GOALS[goal.quantity]
+    estimates = (
+        result("goal", units, "goal of the study", meaning),
         result("goal_estimate", units, "estimated error of the goal", "absolute"),
-        result("goal_error", units, "error of the goal", f"absolute, {known}"),
-        result(
-            "goal_effectivity", "1", "effectivity of the estimate", "goal_estimate over goal_error"
-        ),
     )
-    return own[:2] if goal.known is None and not exact else own
+    if goal.known is None and not exact:
+        return estimates
+    reference = "absolute, against the exact solution"
+    if goal.known is not None:
+        reference = f"absolute, against {goal.known!r}, which is known"
+    ratio = "goal_estimate over goal_error"
+    return (
+        *estimates,
+        result("goal_error", units, "error of the goal", reference),
+        result("goal_effectivity", "1", "effectivity of the estimate", ratio),
+    )
 
 
 LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level", LEVEL, coordinate=True)
@@ -416,7 +427,7 @@ _RESULT_AT_NODE = {**JUDGED, **_AT_NODE}
 
 
 def place(name: str, long_name: str, dims: Dims) -> FileVariable:
-    """A coordinate in metres."""
+    """Return the variable of a coordinate in metres."""
     return FileVariable(name, "f8", "m", long_name, dims, coordinate=True)
 
 
@@ -443,7 +454,7 @@ SECTION = FileVariable(
     "section_force", "f8", "N m-1", "force of the section", _ON_LINE, _WHOLE, _RESULT_AT_NODE
 )
 LAYER = "layer_force_"
-"""How the names of the forces of layers begin, which are as SECTION."""
+"""Prefix of the names of the forces of layers, which are variables like SECTION."""
 
 _AT_END = {"coordinates": "held_arclength held_x held_y"}
 HELD: tuple[FileVariable, ...] = (
@@ -458,8 +469,7 @@ HELD: tuple[FileVariable, ...] = (
         extra=_AT_END,
     ),
 )
-"""Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level
-without has none."""
+"""Ends of the contact line that carry no unknown, because a clamped edge prescribes their u_T."""
 
 JOINTS: tuple[FileVariable, ...] = (
     FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", ("joint",)),
@@ -468,8 +478,7 @@ JOINTS: tuple[FileVariable, ...] = (
         "joint_share", "f8", "1", "part of its contact length on the edge before", ("joint",)
     ),
 )
-"""Nodes with the friction of two edges (`tcstudy.laws.composed`); a level of one contact edge has
-none."""
+"""Nodes with the friction of two contact edges (`tcstudy.laws.composed`)."""
 
 MESH_TOPOLOGY: dict[str, Any] = {
     "cf_role": "mesh_topology",
@@ -478,7 +487,7 @@ MESH_TOPOLOGY: dict[str, Any] = {
     "node_coordinates": "node_x node_y",
     "face_node_connectivity": "triangle",
 }
-"""Attributes of the scalar variable `mesh` that ties a level's mesh together (UGRID-1.0)."""
+"""Attributes of the scalar variable `mesh`, which names the arrays of a mesh (UGRID-1.0)."""
 _CONNECTIVITY = {"cf_role": "face_node_connectivity", "start_index": np.int32(0)}
 MESH: tuple[FileVariable, ...] = (
     *(place(f"node_{name}", f"{name} of the mesh node", _MESH_NODE) for name in "xy"),
@@ -492,14 +501,15 @@ RIM: tuple[FileVariable, ...] = (
     *(place(f"rim_{name}", f"{name} of an end of the segment", _RIM_ENDS) for name in "xy"),
     RIM_EDGE,
 )
-"""The boundary of a body from a CAD file, whose shape the study does not have: straight segments
-with the body on their left, and the edge that each belongs to."""
+"""Boundary of a body from a CAD file: straight segments with the body on their left, their edges.
+
+The study itself does not have the shape of such a body.
+"""
 _FACE = {"mesh": "mesh", "location": "face"}
 REGION = FileVariable(
     "region", "i1", "1", "region with a material of its own", ("mesh_face",), extra=_FACE
 )
-"""Where materials differ by region: 0 is the material of the body, i the i-th region of the study's
-`materials`."""
+"""Region of a triangle: 0 for the material of the body, i for the i-th one of `materials`."""
 _AT_MESH = {"coordinates": "node_x node_y", "mesh": "mesh", "location": "node", **JUDGED}
 _IN_BODY, _HEATED = (SWEEP, *_MESH_NODE), {**_AT_MESH, **DIFFERENCE}
 FIELDS: tuple[FileVariable, ...] = (
@@ -522,9 +532,11 @@ LIVE: tuple[FileVariable, ...] = (
     FileVariable("mechanical_load", "f8", "N m-1", "its part from f, g and pressure", _ON_LINE),
     FileVariable("valid", "f8", "1", _GIVE, (SWEEP,)),
 )
-"""The group `live` of a level, what a browser needs to solve its contact problems (output.live;
-`live_arrays` in tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before
-their names."""
+"""The group `live` of a level: arrays with which a browser solves its contact problems.
+
+A study asks for them with output.live (`live_arrays` in tcstudy.offline.level). They are fields of
+a record, with LIVE_PREFIX before their names.
+"""
 LIVE_PREFIX = "live_"
 
 NUMBER = FileVariable(
@@ -547,7 +559,7 @@ MESH_COUNTS: tuple[FileVariable, ...] = (
 MESH_GEOMETRY = FileVariable(
     "mesh_geometry", "i4", "1", "number of the geometry", ("mesh_face",), extra=_FACE
 )
-"""What the level of a file of several geometries has beside MESH, so that one mesh is found."""
+"""Variables beside MESH of a level of several geometries, by which the mesh of one is found."""
 NO_EDGE, NONE = -1, "none"
 """Flag, and its meaning, behind the end of a contact line that is shorter than others."""
 _ENDS = ("node", "held_end", "joint", "rim_segment")
@@ -557,8 +569,8 @@ _ENDS = ("node", "held_end", "joint", "rim_segment")
 def among_geometries(variable: FileVariable) -> FileVariable:
     """Return the variable of a level as a file of several geometries has it.
 
-    What a contact line has once lies along OUTER, too, and may end in missing values; fields lie
-    along INNER, since every geometry has its own part of the mesh nodes.
+    Variables of the contact line that do not depend on the point lie along OUTER, too, and may end
+    in missing values. Fields lie along INNER, since every geometry has its part of the mesh nodes.
     """
     dims = variable.dims
     if dims == _IN_BODY:
@@ -569,7 +581,7 @@ def among_geometries(variable: FileVariable) -> FileVariable:
 
 
 ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *RIM, *LIVE) if SWEEP not in v.dims)
-"""Names of what the contact line of a geometry has once, whatever the point."""
+"""Names of the variables of a contact line that do not depend on the point."""
 
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, *RIM, REGION, *FIELDS)
@@ -582,45 +594,48 @@ RESERVED = frozenset(name for v in _EVERY for name in (v.name, *v.dims)) | {
     POINT,
     OWN_POINT,
 }
-"""Names that the file of a run has; all that no swept parameter may take: `tables.is_taken`."""
+"""Names in the file of a run. `tables.is_taken` has all that no swept parameter may take."""
 NUMBERED = re.compile(r"(level|geometry)_[0-9]+")
 """Names of groups, which share those of variables and dimensions."""
 REQUESTED = re.compile(
     r"probe_\w+_(u_[xyT]|theta|sigma_(xx|yy|xy))|(reaction|force)_\w+_[xy]|work_\w+"
     r"|theta_mean_\w+|section_force_(max|at)|layer_force_\w+|von_mises_(max|x|y)|sensitivity_\w+"
 )
-"""Names of what `output` asks for."""
-BESIDE = 500
-"""Bytes that HDF5 spends on a variable beside its values, at least."""
+"""Names of the variables on request of `output`."""
+OVERHEAD = 500
+"""Least number of bytes that HDF5 spends on a variable beside its values."""
 
 
 def bytes_of(study: Study, variables: Iterable[FileVariable], sizes: Mapping[str, int]) -> int:
-    """Size of variables [byte] without compression. sizes: of their dimensions beside those of the
-    sweep"""
+    """Return the size of variables [byte] without compression.
+
+    sizes: of their dimensions beside those of the sweep
+    """
     extent = {SWEEP: math.prod(study.shape), **sizes}
-    widths = ((v, 8 if v.dtype == "str" else np.dtype(v.dtype).itemsize) for v in variables)
-    return sum(
-        BESIDE + width * math.prod(extent.get(dim, 1) for dim in v.dims) for v, width in widths
-    )
+    total = 0
+    for variable in variables:
+        values = math.prod(extent.get(dim, 1) for dim in variable.dims)
+        total += OVERHEAD + variable.itemsize * values
+    return total
 
 
 def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
-    """Size of the result file [byte] without compression, for a look at the disk before the work.
+    """Return the size of the result file [byte] without compression, to check the free disk.
 
-    levels: contact nodes and mesh nodes of each
+    levels: numbers of contact nodes and of mesh nodes
     """
     tables = _expected_tables(study, levels)
-    return _texts(study) + sum(bytes_of(study, variables, sizes) for variables, sizes in tables)
+    sizes = (bytes_of(study, variables, dim_sizes) for variables, dim_sizes in tables)
+    return _attribute_bytes(study) + sum(sizes)
 
 
 def shared_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
-    """Return how much of the expected size several geometries of one file share: all but values."""
+    """Return the part of the expected size that geometries of one file share: all but values."""
     counts = [len(variables) for variables, _ in _expected_tables(study, levels)]
-    return _texts(study) + BESIDE * sum(counts)
+    return _attribute_bytes(study) + OVERHEAD * sum(counts)
 
 
-def _texts(study: Study) -> int:
-    """Return the bytes of attributes."""
+def _attribute_bytes(study: Study) -> int:
     return 60_000 + len(study.text.encode())
 
 
@@ -638,7 +653,7 @@ def _expected_tables(
 
 
 SENSITIVITY = "sensitivity_"
-"""How the names of derivatives begin."""
+"""Prefix of the names of derivatives."""
 SENSITIVITY_STATUS, SENSITIVITY_EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"
 NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
 _VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
@@ -650,166 +665,161 @@ QUANTITIES = {
     "omega": ("Pa m-1", "steepest fall omega of b"),
     "energy": ("J m-1", "energy"),
 }
-"""Differentiated quantities, their units and names. `slip_length` is not among them: on one mesh it
-is a step function of every number, and its derivative 0 would say nothing."""
+"""Differentiated quantities, their units and names.
+
+`slip_length` is not among them: on one mesh it is a step function of every parameter, whose
+derivative 0 would say nothing.
+"""
 STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
-"""Those of the steps of a history."""
+"""Differentiated quantities of the steps of a history."""
 
 
 def requested_variables(study: Study) -> tuple[FileVariable, ...]:
-    """The variables that this study asks for."""
-    wanted = study.output.quantities
-    found = [*_probes(study), *_of_edges(study)]
-    if "von_mises" in wanted:
-        found.append(
-            result(
-                "von_mises_max",
-                "Pa",
-                "largest von Mises stress",
-                "of a triangle; it grows with h at corners",
-            )
-        )
-        where = "of the middle of the triangle with the largest stress"
-        found += [
-            result(f"von_mises_{x}", "m", f"{x} of the largest von Mises stress", where)
-            for x in "xy"
-        ]
-    if "section_force" in wanted:
+    """Return the variables by point that this study asks for."""
+    quantities = study.output.quantities
+    variables = [*_probe_variables(study), *_edge_variables(study)]
+    if "von_mises" in quantities:
+        comment = "of a triangle; it grows with h at corners"
+        variables.append(result("von_mises_max", "Pa", "largest von Mises stress", comment))
+        comment = "of the middle of the triangle with the largest stress"
+        for axis in "xy":
+            long_name = f"{axis} of the largest von Mises stress"
+            variables.append(result(f"von_mises_{axis}", "m", long_name, comment))
+    if "section_force" in quantities:
+        long_name = "largest force of a section"
         sign = "with its sign, positive in tension"
-        found.append(result("section_force_max", "N m-1", "largest force of a section", sign))
-        found.append(
-            result("section_force_at", "m", "arc length of the largest force of a section")
-        )
-    return (*found, *derivatives(study.output.sensitivity))
+        variables.append(result("section_force_max", "N m-1", long_name, sign))
+        variables.append(result("section_force_at", "m", f"arc length of the {long_name}"))
+    return (*variables, *derivatives(study.output.sensitivity))
 
 
 def line_variables(study: Study) -> tuple[FileVariable, ...]:
-    """Those along the contact line."""
+    """Return the variables along the contact line that this study asks for."""
     if "section_force" not in study.output.quantities:
         return ()
-    told = "of the layer across the line at the node, positive in tension; in balance with all others, of P1 stresses"
-    layer = replace(SECTION, comment=told)
-    names = [name for name, _ in study.scenes[0].material.regions]
-    own = (
-        replace(layer, name=LAYER + name, long_name=f"force of the section of {name}")
-        for name in names
-    )
-    return (SECTION, *own)
+    position = "of the layer across the line at the node, positive in tension"
+    layer = replace(SECTION, comment=f"{position}; in balance with all others, of P1 stresses")
+    variables = [SECTION]
+    for name, _ in study.scenes[0].material.regions:
+        long_name = f"force of the section of {name}"
+        variables.append(replace(layer, name=LAYER + name, long_name=long_name))
+    return tuple(variables)
 
 
 def step_variables(study: Study) -> tuple[FileVariable, ...]:
-    """What a history has on request of every step."""
-    given = replace(study, output=replace(study.output, sensitivity=()))
+    """Return the variables that this study asks for of every step of its history."""
+    without_slopes = replace(study, output=replace(study.output, sensitivity=()))
+    variables = (*requested_variables(without_slopes), *line_variables(study))
     dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
-    own = (
-        replace(v, dims=dims[v.dims]) for v in (*requested_variables(given), *line_variables(study))
-    )
-    return (*own, *derivatives(study.output.sensitivity, STEP_QUANTITIES, (SWEEP, "step")))
+    slopes = derivatives(study.output.sensitivity, STEP_QUANTITIES, (SWEEP, "step"))
+    return (*(replace(v, dims=dims[v.dims]) for v in variables), *slopes)
 
 
-def _probes(study: Study) -> Iterator[FileVariable]:
+def _probe_variables(study: Study) -> Iterator[FileVariable]:
     for probe in study.output.probes:
         x, y = probe.at
-        at, start = f"at ({x:g}, {y:g})", f"probe_{probe.name}"
+        position = f"at ({x:g}, {y:g})"
+        prefix = f"probe_{probe.name}"
         for axis in "xy":
-            yield result(f"{start}_u_{axis}", "m", f"displacement in {axis} at {probe.name}", at)
-        yield result(
-            f"{start}_theta",
-            "K",
-            f"temperature at {probe.name}",
-            f"{at}, above the stress-free state",
-        )
-        in_triangle = f"{at}, of the triangle that holds the point, which has one stress"
-        for c in ("xx", "yy", "xy"):
-            yield result(f"{start}_sigma_{c}", "Pa", f"stress {c} at {probe.name}", in_triangle)
+            long_name = f"displacement in {axis} at {probe.name}"
+            yield result(f"{prefix}_u_{axis}", "m", long_name, position)
+        long_name = f"temperature at {probe.name}"
+        comment = f"{position}, above the stress-free state"
+        yield result(f"{prefix}_theta", "K", long_name, comment)
+        comment = f"{position}, of the triangle that holds the point, which has one stress"
+        for component in ("xx", "yy", "xy"):
+            long_name = f"stress {component} at {probe.name}"
+            yield result(f"{prefix}_sigma_{component}", "Pa", long_name, comment)
         if probe.on_contact:
-            yield result(
-                f"{start}_u_T",
-                "m",
-                f"tangential displacement at {probe.name}",
-                f"{at} of the contact line",
-            )
+            long_name = f"tangential displacement at {probe.name}"
+            yield result(f"{prefix}_u_T", "m", long_name, f"{position} of the contact line")
 
 
-def _of_edges(study: Study) -> Iterator[FileVariable]:
-    wanted, per = study.output.quantities, "per unit thickness"
-    if not wanted:
+def _edge_variables(study: Study) -> Iterator[FileVariable]:
+    quantities = study.output.quantities
+    if not quantities:
         return
-    corner = f"of the support on the body, {per}; a corner counts to the first clamped edge"
     for name, role in study.scenes[0].boundary:
-        if "reactions" in wanted and isinstance(role, Clamped | Contact):
-            for axis in "xy":
-                yield result(
-                    f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", corner
-                )
-        if "forces" in wanted and not isinstance(role, Free):
-            for axis in "xy":
-                yield result(
-                    f"force_{name}_{axis}",
-                    "N m-1",
-                    f"force of {name} in {axis}",
-                    f"on the body, {per}",
-                )
-            yield result(
-                f"work_{name}",
-                "J m-1",
-                f"work of {name}",
-                f"its force times its displacement, {per}",
-            )
-        if "theta_edges" in wanted:
-            told = "above the stress-free state, over the edge"
-            yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", told)
+        if "reactions" in quantities and isinstance(role, Clamped | Contact):
+            yield from _reaction_variables(name)
+        if "forces" in quantities and not isinstance(role, Free):
+            yield from _force_variables(name)
+        if "theta_edges" in quantities:
+            comment = "above the stress-free state, over the edge"
+            yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", comment)
 
 
-def name_of(quantity: str, number: str) -> str:
-    """The variable of a quantity differentiated by a number of the study."""
-    return f"{SENSITIVITY}{quantity}_{number.replace('.', '_')}"
+_PER_THICKNESS = "per unit thickness"
+
+
+def _reaction_variables(edge: str) -> Iterator[FileVariable]:
+    corners = "a corner counts to the first clamped edge"
+    comment = f"of the support on the body, {_PER_THICKNESS}; {corners}"
+    for axis in "xy":
+        yield result(f"reaction_{edge}_{axis}", "N m-1", f"reaction of {edge} in {axis}", comment)
+
+
+def _force_variables(edge: str) -> Iterator[FileVariable]:
+    comment = f"on the body, {_PER_THICKNESS}"
+    for axis in "xy":
+        yield result(f"force_{edge}_{axis}", "N m-1", f"force of {edge} in {axis}", comment)
+    comment = f"its force times its displacement, {_PER_THICKNESS}"
+    yield result(f"work_{edge}", "J m-1", f"work of {edge}", comment)
+
+
+def name_of(quantity: str, parameter: str) -> str:
+    """Return the name of the variable of a quantity differentiated by a parameter."""
+    return f"{SENSITIVITY}{quantity}_{parameter.replace('.', '_')}"
 
 
 def derivatives(
-    numbers: Sequence[Sensitivity], of: Iterable[str] = QUANTITIES, dims: Dims = POINT_LEVEL
+    parameters: Sequence[Sensitivity],
+    quantities: Iterable[str] = QUANTITIES,
+    dims: Dims = POINT_LEVEL,
 ) -> Iterator[FileVariable]:
-    """The variables of derivatives by these numbers, of points, or of the steps of a history; none
-    of none."""
-    if not numbers:
+    """Yield the variables of derivatives by these parameters, of points or of steps of a history.
+
+    Without parameters there is no variable.
+    """
+    if not parameters:
         return
-    steps = "step" in dims
+    verdicts = flags(*_VERDICTS)
     yield FileVariable(
-        SENSITIVITY_STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS)
+        SENSITIVITY_STATUS, "i1", "1", "verdict on derivatives", dims, extra=verdicts
     )
-    if not steps:
+    comment = "difference of whole histories; missing where both sides differ"
+    if "step" not in dims:
+        comment = "at the solution, while its nodes keep their pieces of b"
         events = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
-        yield replace(
-            count(SENSITIVITY_EVENTS, "contact nodes at an event", extra={}), comment=events
-        )
-    told = "at the solution, while its nodes keep their pieces of b"
-    told = "difference of whole histories; missing where both sides differ" if steps else told
-    for number, quantity in product(numbers, of):
-        units, what = QUANTITIES[quantity]
-        name, over = name_of(quantity, number.name), quotient(units, number.units)
-        judged = {"ancillary_variables": SENSITIVITY_STATUS}
-        yield FileVariable(name, "f8", over, f"{what} by {number.name}", dims, told, judged)
+        variable = count(SENSITIVITY_EVENTS, "contact nodes at an event", extra={})
+        yield replace(variable, comment=events)
+    for parameter, quantity in product(parameters, quantities):
+        units, words = QUANTITIES[quantity]
+        name = name_of(quantity, parameter.name)
+        units = quotient(units, parameter.units)
+        long_name = f"{words} by {parameter.name}"
+        qualified = {"ancillary_variables": SENSITIVITY_STATUS}
+        yield FileVariable(name, "f8", units, long_name, dims, comment, qualified)
 
 
-def quotient(units: str, by: str) -> str:
-    """Units of a derivative in CF form: "m" by "Pa m-1" is "m Pa-1 m"."""
-    parts = [units] if units != "1" else []
-    for word in by.split() if by != "1" else ():
-        letters = word.rstrip("-0123456789")
-        power = -int(word[len(letters) :] or 1)
-        parts.append(letters if power == 1 else f"{letters}{power}")
-    return " ".join(parts) or "1"
+def quotient(units: str, divisor: str) -> str:
+    """Return the units of a quotient in CF form: "m" over "Pa m-1" is "m Pa-1 m"."""
+    factors = [units] if units != "1" else []
+    for word in divisor.split() if divisor != "1" else ():
+        symbol = word.rstrip("-0123456789")
+        power = -int(word[len(symbol) :] or 1)
+        factors.append(symbol if power == 1 else f"{symbol}{power}")
+    return " ".join(factors) or "1"
 
 
 def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
-    """An array full of missing values."""
-    return np.full(
-        shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype
-    )
+    """Return an array full of missing values."""
+    dtype = object if variable.dtype == "str" else variable.dtype
+    return np.full(shape, variable.missing, dtype=dtype)
 
 
 def free_name(name: str, path: Sequence[str], is_taken: Callable[[str], bool]) -> str:
-    """Return a name that is not taken: the given one, else the key path, else that with a number."""
+    """Return a free name: the given one, else the key path, else that with a number."""
     joined = "_".join(path)
     choices = chain((name, joined), (f"{joined}_{number}" for number in counter(2)))
     return next(choice for choice in choices if not is_taken(choice))

@@ -1,16 +1,16 @@
 """The one writer: the file of a run, complete or not there at all.
 
 The file of a run is written once, from the records of the journal. Values by point are gathered in
-parts, runs of tiles, as many at a time as MEMORY holds; the blocks of a geometry come in any order,
-the geometries one after the other. A part is written as soon as the last of its geometries is read,
-so that one pass over the records does for a sweep over geometries.
+parts, which are runs of tiles, as many at a time as MAX_MEMORY holds. The blocks of a geometry come
+in any order, the geometries one after the other. A part is written as soon as the last of its
+geometries is read, so that one pass over the records suffices for a sweep over geometries.
 
-The file of a sweep over geometries looks like that of one: a table of all points, in which what a
-level has once (h_max, n_dof, times) stands by point, and a group for each level with the contact
-lines and the meshes of all geometries (`schema.among_geometries`). Tiles are runs of geometries
-with all their points, whatever the order of the axes. A point of a refused geometry has the status
-mesh_failed and its reason; its contact lines are missing values, its mesh has no nodes, and −1
-stands in place of its number in the variable `geometry`.
+The file of a sweep over geometries looks like that of one geometry. It has a table of all points,
+in which the values of a level (h_max, n_dof, times) stand by point. It has a group for each level
+with the contact lines and the meshes of all geometries (`schema.among_geometries`). Tiles are runs
+of geometries with all their points, whatever the order of the axes. A point of a refused geometry
+has the status mesh_failed and its reason. Its contact lines are missing values, its mesh has no
+nodes, and its number in the variable `geometry` is −1.
 """
 
 from __future__ import annotations
@@ -69,23 +69,20 @@ if TYPE_CHECKING:
 
 
 BRANCH, SWEPT_LOADS = "solver_branch", "swept_loads"
-"""Global attributes of a run: which solution is stored; coordinates along which only loads
-change."""
+"""Global attributes of a run: the stored solution; coordinates along which only loads change."""
 Arrays = dict[str, np.ndarray[Any, Any]]
-MEMORY = 2**26
-"""Bytes of results that the writer holds at a time; a longer sweep takes several passes over its
-records."""
-KEPT = "finished points are kept in the journal"
+MAX_MEMORY = 2**26
+"""Results that the writer holds at a time [byte]; a longer sweep takes several passes."""
+JOURNAL_NOTE = "finished points are kept in the journal"
 
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """What a run has of a body.
+    """The results of a run for one body.
 
-    levels, blocks: read anew whenever they are called, so that they need not fit into memory; of
-    two records of one
-                point the last one counts, and points without any stay "not run"
-    attributes: global ones of the file (`tcstudy.data.files`)
+    levels, blocks: read the records again at every call, so that they need not fit into memory. The
+                    last record of a point counts. A point without a record stays "not run".
+    attributes:     global ones of the file (`tcstudy.data.files`)
     """
 
     study: Study
@@ -96,38 +93,38 @@ class Results:
 
 def write(
     path: Path,
-    whole: Results,
+    results: Results,
     geometries: Mapping[int, Results] | None = None,
     done: Callable[[], object] = tuple,
     seen: Snapshot | None = None,
 ) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
-    geometries: of a sweep over geometries, those that have a mesh, by number; `whole` has the
-    points of the others
-    done: called when all is read, before the old file goes
+    results:    of the study; of a sweep over geometries those of geometries without a mesh
+    geometries: results of the geometries that have a mesh, by number
+    done: called when all records are read, before the old file is replaced
     seen: the only file at `path` that may be replaced; None for any
     Returns how many solutions were sought, on all levels, and how many of them failed.
 
     Raises StoreError if the file cannot be written (the old one is then untouched).
     """
-    study = whole.study
+    study = results.study
     counts: list[tuple[int, int]] = []
 
     def make(nc: netCDF4.Dataset) -> None:
-        contents = _Contents(whole, geometries or {})
-        for _ in ("made", "written"):
-            parts, meshes = _put_once(nc, contents)
+        contents = _Contents(results, geometries or {})
+        _put_once(nc, contents)  # all variables are made before the first value is written
+        parts, meshes = _put_once(nc, contents)
         counts.append(_put_points(nc, contents, parts, meshes))
         done()
 
-    of_run: dict[str, Any] = {}
+    attributes = dict(results.attributes)
     if study.variants:
-        of_run = {GEOMETRIES: len(study.variants), LAYOUT: PADDED}
+        attributes |= {GEOMETRIES: len(study.variants), LAYOUT: PADDED}
     names = axis_names(study.axes) if study.axes else ()
     swept_loads = " ".join(names[d] for d in load_axes(study))
-    of_run |= {BRANCH: study.solver.branch, SWEPT_LOADS: swept_loads}
-    write_dataset(path, {**whole.attributes, **of_run}, make, KEPT, seen)
+    attributes |= {BRANCH: study.solver.branch, SWEPT_LOADS: swept_loads}
+    write_dataset(path, attributes, make, JOURNAL_NOTE, seen)
     return counts[0]
 
 
@@ -143,9 +140,6 @@ def write_record(
     seen: the only file at `path` that may be replaced; None for any
     Raises StoreError if that is not possible.
     """
-    texts = {
-        name: without_paths(v) if isinstance(v, str) else v for name, v in record.attributes.items()
-    }
 
     def make(nc: netCDF4.Dataset) -> None:
         values = dict(record.values)
@@ -160,11 +154,14 @@ def write_record(
                 put_axes(nc, study)
             put_all(nc, record.tables, values, study)
 
-    write_dataset(path, {**attributes, CONTENT: record.kind, **texts}, make, seen=seen)
+    all_attributes = {**attributes, CONTENT: record.kind}
+    for name, value in record.attributes.items():
+        all_attributes[name] = without_paths(value) if isinstance(value, str) else value
+    write_dataset(path, all_attributes, make, seen=seen)
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
-    """The variables of the root group of this study's file."""
+    """Return the variables of the root group of this study's file."""
     mesh = study.mesh
     return (
         *schema.ROOT,
@@ -179,20 +176,18 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
 
 
 def numbers(study: Study) -> list[FileVariable]:
-    """Those that a block of points has numbers of."""
-    return [
-        v
-        for v in root_variables(study)
-        if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason")
-    ]
+    """Return the variables of the root group that have numbers by point and level."""
+    by_point = (v for v in root_variables(study) if v.dims[:2] == schema.POINT_LEVEL)
+    return [v for v in by_point if v.name not in ("status", "reason")]
 
 
 @dataclass(eq=False)
 class _Sizes:
     """Sizes of one level of several geometries.
 
-    counts: by dimension (G,), 0 for a geometry that does not have the level
-    names:  of the arrays that some geometry has;  edge_names: of the contact edges
+    counts:     (G,) by dimension, 0 for a geometry that does not have the level
+    names:      of the arrays that some geometry has
+    edge_names: of the contact edges
     """
 
     counts: dict[str, NDArray[np.int64]]
@@ -201,7 +196,7 @@ class _Sizes:
 
     @classmethod
     def none(cls, geometries: int, edge_names: tuple[str, ...]) -> _Sizes:
-        """Return the sizes of so many geometries of which none has the level yet."""
+        """Return the sizes 0 of a number of geometries, before any level is added."""
         counts = {dim: np.zeros(geometries, dtype=np.int64) for dim in _SIZED}
         return cls(counts, set(), edge_names)
 
@@ -220,7 +215,7 @@ class _Sizes:
         return int(self.counts[dim].sum())
 
     def start(self, dim: str, number: int) -> int:
-        """Return where a geometry begins along such a dimension."""
+        """Return where a geometry begins along a dimension of geometries that stand end to end."""
         return int(self.counts[dim][:number].sum())
 
 
@@ -233,34 +228,34 @@ _SIZED = {
     "mesh_face": "triangle",
     "node_column": schema.LIVE_PREFIX + "A_tilde",
 }
-"""By dimension of a level the array that has its length."""
+"""Array that has the length of a dimension of a level, by dimension."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Contents:
     """All records of a run, body by body: geometry by geometry, or of the one body.
 
-    whole, geometries: as of `write`
+    results, geometries: as of `write`
     """
 
-    whole: Results
+    results: Results
     geometries: Mapping[int, Results]
 
     @property
     def study(self) -> Study:
         """The study of the whole file."""
-        return self.whole.study
+        return self.results.study
 
     def levels(self, number: int) -> Iterable[LevelRecord]:
         """Return the levels of a body; a refused geometry has none."""
         if not self.study.variants:
-            return self.whole.levels()
+            return self.results.levels()
         return self.geometries[number].levels() if number in self.geometries else ()
 
     def blocks(self, number: int) -> Iterable[BlockRecord]:
-        """Return the blocks of a body, whose points are those of its own sweep."""
+        """Return the blocks of a body; their points are those of the sweep of the body."""
         if not self.study.variants:
-            return self.whole.blocks()
+            return self.results.blocks()
         if number in self.geometries:
             return self.geometries[number].blocks()
         return self._refused.get(number, ())
@@ -272,7 +267,7 @@ class _Contents:
         for number, variant in enumerate(self.study.variants):
             variant_of[variant.places] = number
         by_number = defaultdict[int, list[BlockRecord]](list)
-        for block in self.whole.blocks():
+        for block in self.results.blocks():
             number = int(variant_of[block.points[0]])
             places = self.study.variants[number].places
             by_number[number].append(replace(block, points=np.searchsorted(places, block.points)))
@@ -280,24 +275,24 @@ class _Contents:
 
     @cached_property
     def level_values(self) -> dict[str, NDArray[Any]]:
-        """(P, levels) what a level has once, by name; of one body (1, levels)."""
-        return self._of_levels[0]
+        """(P, levels) values that a level has once, by name; (1, levels) for one body."""
+        return self._level_summary[0]
 
     @cached_property
     def sizes(self) -> dict[int, _Sizes]:
         """Sizes of the levels that some geometry has, by number of the level."""
-        return dict(sorted(self._of_levels[1].items()))
+        return dict(sorted(self._level_summary[1].items()))
 
     @cached_property
-    def _of_levels(self) -> tuple[dict[str, NDArray[Any]], dict[int, _Sizes]]:
-        """What one look through all levels tells, before any is written."""
-        study, several = self.study, bool(self.study.variants)
-        rows = len(study.scenes) if several else 1
+    def _level_summary(self) -> tuple[dict[str, NDArray[Any]], dict[int, _Sizes]]:
+        """`level_values` and `sizes` (unsorted), of one pass over the levels of all bodies."""
+        study = self.study
+        rows = len(study.scenes) if study.variants else 1
         variables = [v for v in root_variables(study) if v.dims == LEVEL]
         table = {v.name: missing(v, (rows, study.mesh.levels)) for v in variables}
         sizes = dict[int, _Sizes]()
         for number, body in enumerate(study.bodies):
-            places = body.places if several else 0
+            places = body.places if study.variants else 0
             for level in self.levels(number):
                 for name, values in table.items():
                     values[places, level.level] = getattr(level, name)
@@ -308,7 +303,7 @@ class _Contents:
 
     @cached_property
     def solutions(self) -> dict[int, list[Arrays]]:
-        """All solutions by level, if they are asked for, at places of the whole sweep."""
+        """All solutions by level, at places of the whole sweep; empty unless the study asks."""
         by_level = defaultdict[int, list[Arrays]](list)
         if not self.study.solver.every:
             return by_level
@@ -330,9 +325,9 @@ class _Contents:
     def sweep(self) -> _Extent:
         """The points of the whole sweep, geometry by geometry."""
         study = self.study
-        first = [*dict.fromkeys(study.geometric)] if study.mode == "grid" else []
-        rest = [d for d in range(len(study.shape)) if d not in first]
-        return _Extent.of(study.shape, (*first, *rest), self.places)
+        geometric = [*dict.fromkeys(study.geometric)] if study.mode == "grid" else []
+        order = geometric + [d for d in range(len(study.shape)) if d not in geometric]
+        return _Extent.of(study.shape, tuple(order), self.places)
 
     @cached_property
     def outer(self) -> _Extent:
@@ -352,12 +347,12 @@ class _Contents:
 
 @dataclass(frozen=True, eq=False)
 class _Extent:
-    """Dimensions along which variables lie place by place, and the order in which places are
-    gathered.
+    """Dimensions of places, and the order in which the places are gathered.
 
-    shape:  in the order of the file;  order: its dimensions, those of geometries first
+    shape:  of the dimensions, in the order of the file
+    order:  the dimensions in the order of gathering, those of geometries first
     places: of every body, in C order of the shape
-    body:   (P,) whose place it is, in the order in which they are gathered
+    body:   (P,) number of the body that has a place, in the order of gathering
     """
 
     shape: Shape
@@ -379,7 +374,7 @@ class _Extent:
         return tuple(self.shape[d] for d in self.order)
 
     def positions(self, number: int, points: Any = slice(None)) -> Places:
-        """Return where points of a body, by default all, come when places are gathered."""
+        """Return the positions of points of a body (by default all) in the order of gathering."""
         places = self.places[number][points]
         if self.order == tuple(range(len(self.shape))):
             return places
@@ -387,19 +382,21 @@ class _Extent:
         return np.ravel_multi_index(tuple(index[d] for d in self.order), self.gathered)
 
     def as_in_file(self, gathered: Sequence[Any]) -> tuple[Any, ...]:
-        """Return one item for each dimension, given in the order of gathering, as the file has
-        them."""
+        """Return items of the dimensions, given in the order of gathering, in that of the file."""
         by_dim = dict(zip(self.order, gathered, strict=True))
         return tuple(by_dim[d] for d in range(len(self.shape)))
 
 
 @dataclass(eq=False)
 class _Part:
-    """A run of tiles of variables of one group: of the root, of all levels, or of the contact lines
-    of one level.
+    """A run of tiles of the variables of a group, which is written at once.
 
-    level:  None for the root;  shapes: of what a place has of each variable;  arrays: values of the part, once begun
-    bodies: the first and the last that have a place here
+    level:     of the group; None for the root
+    variables: of the group that lie along the extent
+    shapes:    of the values that a place has, by variable
+    tiles:     as of `variables.tiles`
+    size:      memory of the values [byte]
+    arrays:    the values, once the part is begun
     """
 
     group: netCDF4.Dataset
@@ -413,51 +410,59 @@ class _Part:
 
     @cached_property
     def bodies(self) -> tuple[int, int]:
-        """The first and the last body that has a place here."""
-        own = self.extent.body[self.tiles[0][1] : self.tiles[-1][2]]
-        return int(own.min()), int(own.max())
+        """The first and the last body that has a place in the part."""
+        bodies = self.extent.body[self.start : self.stop]
+        return int(bodies.min()), int(bodies.max())
+
+    @property
+    def start(self) -> int:
+        """First position of the part in the order of gathering."""
+        return self.tiles[0][1]
+
+    @property
+    def stop(self) -> int:
+        """Position after the last one of the part."""
+        return self.tiles[-1][2]
 
     def begin(self) -> None:
-        """Nothing is known yet."""
-        count = self.tiles[-1][2] - self.tiles[0][1]
+        """Make the arrays, full of missing values."""
+        count = self.stop - self.start
         self.arrays = {v.name: missing(v, (count, *self.shapes[v.name])) for v in self.variables}
 
     def take(self, positions: Places, level: int, values: Mapping[str, Any]) -> None:
-        """Take the values (R, …) at R positions, of those that lie here; shorter rows are
-        padded."""
-        start, stop = self.tiles[0][1], self.tiles[-1][2]
-        rows = np.flatnonzero((positions >= start) & (positions < stop))
+        """Take the values (R, …) at those of R positions that the part has; rows are padded."""
+        rows = np.flatnonzero((positions >= self.start) & (positions < self.stop))
         if not len(rows):
             return
-        at = positions[rows] - start
+        row_index = positions[rows] - self.start
         for variable in self.variables:
-            given = values.get(variable.name)
-            if given is None:
+            if values.get(variable.name) is None:
                 continue
-            own = given[rows]
-            if own.dtype.kind == "f":  # where NaN stands for missing
-                own = np.where(np.isnan(own), variable.missing, own)
+            array = self.arrays[variable.name]
+            new = values[variable.name][rows]
+            if new.dtype.kind == "f":
+                new = np.where(np.isnan(new), variable.missing, new)
             if self.level is None:
-                self.arrays[variable.name][at, level] = own
+                array[row_index, level] = new
             else:
-                lengths = tuple(slice(n) for n in own.shape[1:])
-                where: Any = (at, *lengths)
-                self.arrays[variable.name][where] = own
+                index: Any = (row_index, *(slice(length) for length in new.shape[1:]))
+                array[index] = new
 
     def write(self) -> None:
-        """To the file, tile by tile, each a hyperslab."""
-        begin, dims = self.tiles[0][1], len(self.extent.shape)
+        """Write the values to the file, tile by tile, each a hyperslab."""
+        dims = len(self.extent.shape)
         for variable in self.variables:
-            array, new = self.arrays.pop(variable.name), self.group[variable.name]
+            array = self.arrays.pop(variable.name)
+            target = self.group[variable.name]
             for cut, start, stop in self.tiles:
-                values = array[start - begin : stop - begin]
+                values = array[start - self.start : stop - self.start]
                 # a text that is never written is empty, and costs nothing
                 if variable.dtype == "str" and not values.any():
                     continue
                 gathered = values.reshape(*(s.stop - s.start for s in cut), *values.shape[1:])
                 axes = self.extent.as_in_file(range(dims))
-                rest = range(dims, gathered.ndim)
-                new[self.extent.as_in_file(cut)] = gathered.transpose(*axes, *rest)
+                inner_axes = range(dims, gathered.ndim)
+                target[self.extent.as_in_file(cut)] = gathered.transpose(*axes, *inner_axes)
 
 
 def _parts(
@@ -467,24 +472,31 @@ def _parts(
     variables: Sequence[FileVariable],
     sizes: Mapping[str, int],
     extent: _Extent,
-    room: int = 0,
+    max_size: int = 0,
 ) -> list[_Part]:
     """Define variables along an extent, and cut them into parts.
 
-    sizes: of the dimensions after those of the extent;  room: bytes of a part, at most, if a tile is no larger
+    sizes:    of the dimensions after those of the extent
+    max_size: of a part that has several tiles [byte]; 0 for a quarter of MAX_MEMORY
     """
-    shapes = {v.name: tuple(sizes[d] for d in v.dims if d not in (SWEEP, OUTER)) for v in variables}
-    widths = [
-        math.prod(shapes[v.name]) * (8 if v.dtype == "str" else np.dtype(v.dtype).itemsize)
-        for v in variables
-    ]
+    shapes = dict[str, Shape]()
+    widths = list[int]()
+    for variable in variables:
+        shape = tuple(sizes[dim] for dim in variable.dims if dim not in (SWEEP, OUTER))
+        shapes[variable.name] = shape
+        widths.append(math.prod(shape) * variable.itemsize)
     tile = tile_shape(extent.gathered, max(1, CHUNK // max(1, *widths)))
     for variable in variables:
         define(group, variable, study, (*extent.as_in_file(tile), *shapes[variable.name]))
-    every, size = list(tiles(extent.gathered, tile)), sum(widths) * math.prod(tile)
-    count = max(1, (room or MEMORY // 4) // max(1, size))
-    cuts = (every[i : i + count] for i in range(0, len(every), count))
-    return [_Part(group, level, [*variables], shapes, extent, cut, len(cut) * size) for cut in cuts]
+    all_tiles = list(tiles(extent.gathered, tile))
+    tile_size = sum(widths) * math.prod(tile)
+    count = max(1, (max_size or MAX_MEMORY // 4) // max(1, tile_size))
+    parts = list[_Part]()
+    for first in range(0, len(all_tiles), count):
+        run = all_tiles[first : first + count]
+        size = len(run) * tile_size
+        parts.append(_Part(group, level, [*variables], shapes, extent, run, size))
+    return parts
 
 
 def _along(variables: Iterable[FileVariable], *dims: str) -> list[FileVariable]:
@@ -496,35 +508,16 @@ Meshes = Mapping[int, "_Meshes"]
 
 
 def _put_once(nc: netCDF4.Dataset, contents: _Contents) -> tuple[list[_Part], Meshes]:
-    """Write all that does not come record by record, and make what does.
+    """Write all that does not come by record, and make the variables of all that does.
 
-    Returns the parts in which the points, and contact lines of geometries, are to be written, and
-    by level what writes the meshes of several geometries.
+    Returns the parts in which the points and the contact lines of geometries are to be written, and
+    by level the writer of the meshes of several geometries.
     """
     study = contents.study
-    variables = root_variables(study)
-    put_axes(nc, study)
-    put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
-    named = {
-        "start": (schema.START_NAMES, "where the solver started"),
-        "solver": (study.solver.names, "solver"),
-    }
-    for dim, (names, what) in named.items():
-        if len(names) > 1:
-            put(nc, FileVariable(dim, "str", "", what, (dim,), coordinate=True), study, list(names))
-    sizes = {
-        "level": study.mesh.levels,
-        "start": len(schema.START_NAMES),
-        "solver": len(study.solver.names),
-    }
-    room = MEMORY // 4
+    max_size = MAX_MEMORY // 4
     if study.variants:  # parts of all groups are begun with the first geometry
-        room //= 1 + 2 * len(contents.sizes)
-    parts = _parts(nc, None, study, _along(variables, SWEEP), sizes, contents.sweep, room)
-    shape, dims = (study.shape, POINT_LEVEL) if study.variants else ((), LEVEL)
-    for variable in (v for v in variables if v.dims == LEVEL):
-        values = contents.level_values[variable.name].reshape(*shape, -1)
-        put(nc, replace(variable, dims=dims), study, values)
+        max_size //= 1 + 2 * len(contents.sizes)
+    parts = _put_root(nc, contents, max_size)
     if not study.variants:
         for level in contents.levels(0):
             parts += _put_level(nc, contents, level)
@@ -532,56 +525,109 @@ def _put_once(nc: netCDF4.Dataset, contents: _Contents) -> tuple[list[_Part], Me
     _put_geometries(nc, contents)
     meshes = dict[int, _Meshes]()
     for number, level_sizes in contents.sizes.items():
-        parts += _put_lines(nc, contents, number, room)
+        parts += _put_lines(nc, contents, number, max_size)
         if level_sizes.total("mesh_node"):
             meshes[number] = _Meshes.of(nc[f"level_{number}"], study, level_sizes)
     return parts, meshes
 
 
+def _put_root(nc: netCDF4.Dataset, contents: _Contents, max_size: int) -> list[_Part]:
+    """Write the coordinates and the levels in the root group; return the parts of its points."""
+    study = contents.study
+    variables = root_variables(study)
+    put_axes(nc, study)
+    put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
+    _put_names(nc, study, "start", "where the solver started", schema.START_NAMES)
+    _put_names(nc, study, "solver", "solver", study.solver.names)
+    sizes = {
+        "level": study.mesh.levels,
+        "start": len(schema.START_NAMES),
+        "solver": len(study.solver.names),
+    }
+    parts = _parts(nc, None, study, _along(variables, SWEEP), sizes, contents.sweep, max_size)
+    shape, dims = (study.shape, POINT_LEVEL) if study.variants else ((), LEVEL)
+    for variable in (v for v in variables if v.dims == LEVEL):
+        values = contents.level_values[variable.name].reshape(*shape, -1)
+        put(nc, replace(variable, dims=dims), study, values)
+    return parts
+
+
+def _put_names(
+    nc: netCDF4.Dataset, study: Study, dim: str, long_name: str, names: Sequence[str]
+) -> None:
+    """Make, then write, the names along a dimension; a single one has no dimension."""
+    if len(names) > 1:
+        variable = FileVariable(dim, "str", "", long_name, (dim,), coordinate=True)
+        put(nc, variable, study, list(names))
+
+
 def _put_points(
     nc: netCDF4.Dataset, contents: _Contents, parts: Iterable[_Part], meshes: Meshes
 ) -> tuple[int, int]:
-    """Write all that comes record by record; returns what `write` does."""
-    several = bool(contents.study.variants)
-    count, first = np.zeros(len(PointStatus), dtype=np.intp), True
-    left = sorted(parts, key=lambda part: part.bodies[0])
-    while left:
-        now, left = _together(left)
+    """Write all that comes by record, in as few passes as MAX_MEMORY allows; return as `write`."""
+    counts = np.zeros(len(PointStatus), dtype=np.intp)
+    waiting = sorted(parts, key=lambda part: part.bodies[0])
+    is_first = True
+    while waiting:
+        passing, waiting = _divide(waiting)
         for number in range(len(contents.study.bodies)):
-            for part in (part for part in now if part.bodies[0] == number):
-                part.begin()
-            begun = [part for part in now if part.bodies[0] <= number <= part.bodies[1]]
-            for level in contents.levels(number) if several else ():
-                _take_level(contents, number, level, begun)
-                if first and level.level in meshes:
-                    meshes[level.level].put_level(number, level)
-            for block in contents.blocks(number):
-                if first and block.fields and several:
-                    meshes[block.level].put_fields(number, block)
-                elif first and block.fields:
-                    _put_fields(nc[f"level_{block.level}"], block)
-                positions, values = contents.sweep.positions(number, block.points), _values(block)
-                for part in begun:
-                    if part.extent is contents.sweep and part.level in (None, block.level):
-                        part.take(positions, block.level, values)
-            for part in (part for part in begun if part.bodies[1] == number):
+            for part in passing:
+                if part.bodies[0] == number:
+                    part.begin()
+            begun = [part for part in passing if part.bodies[0] <= number <= part.bodies[1]]
+            _take_body(nc, contents, number, begun, meshes, has_fields=is_first)
+            for part in begun:
+                if part.bodies[1] != number:
+                    continue
                 if part.level is None:
                     statuses = part.arrays["status"].ravel()
-                    count += np.bincount(statuses, minlength=len(count))
+                    counts += np.bincount(statuses, minlength=len(counts))
                 part.write()
-        first = False
-    sought = int(count.sum() - count[PointStatus.NOT_RUN])
-    return sought, sought - int(count[PointStatus.OK])
+        is_first = False
+    sought = int(counts.sum() - counts[PointStatus.NOT_RUN])
+    return sought, sought - int(counts[PointStatus.OK])
 
 
-def _together(parts: Sequence[_Part]) -> tuple[list[_Part], list[_Part]]:
-    """Divide parts, sorted by their first bodies, into those of one pass over the records, of which
-    MEMORY holds all that are begun and not yet written, and the others."""
-    now, later = list[_Part](), list[_Part]()
+def _take_body(
+    nc: netCDF4.Dataset,
+    contents: _Contents,
+    number: int,
+    parts: Sequence[_Part],
+    meshes: Meshes,
+    has_fields: bool,
+) -> None:
+    """Read the records of a body once, for parts and, if `has_fields`, for meshes and fields."""
+    has_variants = bool(contents.study.variants)
+    for level in contents.levels(number) if has_variants else ():
+        _take_level(contents, number, level, parts)
+        if has_fields and level.level in meshes:
+            meshes[level.level].put_level(number, level)
+    for block in contents.blocks(number):
+        if has_fields and block.fields:
+            if has_variants:
+                meshes[block.level].put_fields(number, block)
+            else:
+                _put_fields(nc[f"level_{block.level}"], block)
+        positions = contents.sweep.positions(number, block.points)
+        values = _values(block)
+        for part in parts:
+            if part.extent is contents.sweep and part.level in (None, block.level):
+                part.take(positions, block.level, values)
+
+
+def _divide(parts: Sequence[_Part]) -> tuple[list[_Part], list[_Part]]:
+    """Divide parts, sorted by their first bodies, into those of the next pass and the others.
+
+    MAX_MEMORY holds all parts of a pass that are begun and not yet written.
+    """
+    passing, waiting = list[_Part](), list[_Part]()
     for part in parts:
-        begun = sum(other.size for other in now if other.bodies[1] >= part.bodies[0])
-        (later if now and begun + part.size > MEMORY else now).append(part)
-    return now, later
+        begun_size = sum(p.size for p in passing if p.bodies[1] >= part.bodies[0])
+        if passing and begun_size + part.size > MAX_MEMORY:
+            waiting.append(part)
+        else:
+            passing.append(part)
+    return passing, waiting
 
 
 def _values(block: BlockRecord) -> dict[str, Any]:
@@ -596,28 +642,33 @@ def _values(block: BlockRecord) -> dict[str, Any]:
 def _take_level(
     contents: _Contents, number: int, level: LevelRecord, parts: Iterable[_Part]
 ) -> None:
-    """Give parts what the contact line of a geometry has once, and what a page needs to solve its
-    points."""
+    """Pass to parts the arrays of a level that do not come by block.
+
+    Those are the contact line of the geometry, and the arrays with which a page solves its points.
+    """
     once, by_point = dict[str, Any](), dict[str, Any]()
-    along = {v.name: v for v in schema.LIVE}
-    outer, sweep = contents.outer.positions(number), contents.sweep.positions(number)
+    live_variables = {v.name: v for v in schema.LIVE}
+    outer_positions = contents.outer.positions(number)
+    sweep_positions = contents.sweep.positions(number)
     for name, values in (vars(level) | level.fields).items():
         plain = name.removeprefix(schema.LIVE_PREFIX)
         if plain in schema.ONCE:
-            once[plain] = np.broadcast_to(values, (len(outer), *values.shape))
+            once[plain] = np.broadcast_to(values, (len(outer_positions), *values.shape))
         elif plain != name:
-            own = values.ndim - len(along[plain].dims[1:])
-            by_point[plain] = values.reshape(-1, *values.shape[own:])
+            sweep_ndim = values.ndim - len(live_variables[plain].dims[1:])
+            by_point[plain] = values.reshape(-1, *values.shape[sweep_ndim:])
     for part in parts:
         if part.level == level.level and part.extent is contents.outer:
-            part.take(outer, level.level, once)
+            part.take(outer_positions, level.level, once)
         if part.level == level.level and part.extent is contents.sweep:
-            part.take(sweep, level.level, by_point)
+            part.take(sweep_positions, level.level, by_point)
 
 
 def _put_level(nc: netCDF4.Dataset, contents: _Contents, level: LevelRecord) -> list[_Part]:
-    """Write the group of a level of one body: its contact line, its whole mesh if the record has
-    one, and all solutions of its points; returns the parts of what lies along the sweep."""
+    """Write the group of a level of one body; return the parts of its points.
+
+    The group has the contact line, the whole mesh if the record has it, and all solutions.
+    """
     study = contents.study
     group = nc.createGroup(f"level_{level.level}")
     group.setncattr("level", np.int32(level.level))
@@ -634,21 +685,18 @@ def _put_level(nc: netCDF4.Dataset, contents: _Contents, level: LevelRecord) -> 
     if schema.RIM_EDGE.name in group.variables:
         names = (name for name, _ in study.scenes[0].boundary)
         group[schema.RIM_EDGE.name].setncatts(dict(schema.flags(*names)))
-    live = {
-        v.name: level.fields[name]
-        for v in schema.LIVE
-        if (name := schema.LIVE_PREFIX + v.name) in level.fields
-    }
+    live = dict[str, Any]()
+    for variable in schema.LIVE:
+        name = schema.LIVE_PREFIX + variable.name
+        if name in level.fields:
+            live[variable.name] = level.fields[name]
     if live:
         put_all(group.createGroup("live"), schema.LIVE, live, study)
-    put_all(
-        group,
-        (*schema.CONTACT, *schema.HELD, *schema.JOINTS),
-        {**vars(level), **level.fields},
-        study,
-    )
+    line = (*schema.CONTACT, *schema.HELD, *schema.JOINTS)
+    put_all(group, line, {**vars(level), **level.fields}, study)
     held = level.fields.get("held_x", ())
-    along = (*schema.CONTACT, *line_variables(study), *(schema.HELD if len(held) else ()))
+    along = [*schema.CONTACT, *line_variables(study)]
+    along += schema.HELD if len(held) else ()
     sizes = {"node": level.n_contact, "held_end": len(held)}
     parts = _parts(group, level.level, study, _along(along, SWEEP), sizes, contents.sweep)
     _put_solutions(group, contents, level.level)
@@ -656,7 +704,7 @@ def _put_level(nc: netCDF4.Dataset, contents: _Contents, level: LevelRecord) -> 
 
 
 def _put_topology(group: netCDF4.Group) -> None:
-    """Make, then write, the variable that ties the mesh of a level together."""
+    """Make, then write, the variable that names the arrays of the mesh of a level."""
     if "mesh" not in group.variables:
         group.createVariable("mesh", "i4", (), fill_value=False).setncatts(schema.MESH_TOPOLOGY)
     else:
@@ -670,7 +718,7 @@ def _put_region(group: netCDF4.Group, study: Study, values: Any) -> None:
 
 
 def _fields(study: Study) -> tuple[FileVariable, ...]:
-    """Return the fields of the body; without a temperature if it loads no scene."""
+    """Return the fields of the body; the temperature only if some material expands."""
     expands = {scene.material.expands for scene in distinct(study.scenes, "material")}
     return schema.FIELDS[1:] if expands == {False} else schema.FIELDS
 
@@ -678,34 +726,35 @@ def _fields(study: Study) -> tuple[FileVariable, ...]:
 def _put_solutions(
     group: netCDF4.Group, contents: _Contents, level: int, nodes: int | None = None
 ) -> None:
-    """Make, then write, all solutions of the points of a level, if they are asked for.
+    """Make, then write, all solutions of the points of a level, if the study asks for them.
 
-    nodes: of several geometries the length of the longest contact line
+    nodes: of the longest contact line, if there are several geometries
     """
-    found = contents.solutions.get(level, [])
+    blocks = contents.solutions.get(level, [])
     if nodes is not None:
-        found = [_padded(one, nodes) for one in found]
-    if not found:
+        blocks = [_padded(block, nodes) for block in blocks]
+    if not blocks:
         return
-    order = np.argsort(np.concatenate([one["solution_point"] for one in found]), kind="stable")
-    columns = {
-        v.name: np.concatenate([one[v.name] for one in found])[order] for v in schema.SOLUTION
-    }
-    put_all(group, schema.SOLUTION, columns, contents.study)
+    columns = dict[str, Any]()
+    for variable in schema.SOLUTION:
+        columns[variable.name] = np.concatenate([block[variable.name] for block in blocks])
+    order = np.argsort(columns["solution_point"], kind="stable")
+    sorted_columns = {name: column[order] for name, column in columns.items()}
+    put_all(group, schema.SOLUTION, sorted_columns, contents.study)
 
 
 def _padded(solutions: Mapping[str, NDArray[Any]], nodes: int) -> Arrays:
     """Return solutions of a geometry with missing values up to a number of nodes."""
     padded = dict(solutions)
     for variable in _along(schema.SOLUTION, "node"):
-        own = solutions[variable.name]
-        padded[variable.name] = missing(variable, (len(own), nodes))
-        padded[variable.name][:, : own.shape[1]] = own
+        values = solutions[variable.name]
+        padded[variable.name] = missing(variable, (len(values), nodes))
+        padded[variable.name][:, : values.shape[1]] = values
     return padded
 
 
 def _put_fields(group: netCDF4.Group, block: BlockRecord) -> None:
-    """Whole-body fields point by point: they are large."""
+    """Write whole-body fields point by point, because they are large."""
     for name, rows in block.fields.items():
         for row, values in enumerate(rows):
             if not np.isnan(values).all():
@@ -713,11 +762,10 @@ def _put_fields(group: netCDF4.Group, block: BlockRecord) -> None:
 
 
 # -- several geometries
-# ------------------------------------------------------------------------------------------------
 
 
 def _put_geometries(nc: netCDF4.Dataset, contents: _Contents) -> None:
-    """Make, then write, which geometry a point has, and the options that make its study."""
+    """Make, then write, the geometry of every point, and the options that make its study."""
     study = contents.study
     numbers = np.full(len(study.scenes), -1, dtype=np.int32)
     for number in contents.geometries:
@@ -732,9 +780,11 @@ def _put_geometries(nc: netCDF4.Dataset, contents: _Contents) -> None:
         nc.createDimension(OWN_POINT, max(len(variant.places) for variant in study.variants))
 
 
-def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, room: int) -> list[_Part]:
-    """Make the group of a level with the contact lines of all geometries, padded to the longest;
-    returns the parts in which they are written."""
+def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, max_size: int) -> list[_Part]:
+    """Make the group of a level with the contact lines of all geometries, padded to the longest.
+
+    Returns the parts in which they are written.
+    """
     study, sizes = contents.study, contents.sizes[number]
     group = nc.createGroup(f"level_{number}")
     group.setncattr("level", np.int32(number))
@@ -744,21 +794,21 @@ def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, room: int)
     for dim in (*ends, "rim_end"):
         if padded[dim] and dim not in group.dimensions:
             group.createDimension(dim, padded[dim])
-    every = [*schema.CONTACT, *line_variables(study)]
-    every += schema.HELD if padded["held_end"] else ()
-    every += schema.JOINTS if padded["joint"] else ()
-    every += schema.RIM if padded["rim_segment"] else ()
-    groups = {group: [among_geometries(v) for v in every]}
+    line = [*schema.CONTACT, *line_variables(study)]
+    line += schema.HELD if padded["held_end"] else ()
+    line += schema.JOINTS if padded["joint"] else ()
+    line += schema.RIM if padded["rim_segment"] else ()
+    groups = {group: [among_geometries(v) for v in line]}
     if padded["node_column"]:
         live = group.createGroup("live")
         if "node_column" not in live.dimensions:
             live.createDimension("node_column", padded["node_column"])
         groups[live] = [among_geometries(v) for v in schema.LIVE]
     parts = list[_Part]()
-    for where, variables in groups.items():
+    for target, variables in groups.items():
         once, swept = _along(variables, OUTER), _along(variables, SWEEP)
-        parts += _parts(where, number, study, once, padded, contents.outer, room)
-        parts += _parts(where, number, study, swept, padded, contents.sweep, room)
+        parts += _parts(target, number, study, once, padded, contents.outer, max_size)
+        parts += _parts(target, number, study, swept, padded, contents.sweep, max_size)
     flags = schema.flags(schema.NONE, *sizes.edge_names, first=schema.NO_EDGE)
     for name in {"edge", "joint_edge"} & {*group.variables}:
         group[name].setncatts(dict(flags))
@@ -779,7 +829,7 @@ class _Meshes:
 
     @classmethod
     def of(cls, group: netCDF4.Group, study: Study, sizes: _Sizes) -> _Meshes:
-        """Make the variables of the meshes of a level, and write how large each mesh is."""
+        """Make the variables of the meshes of a level, and write the sizes of the meshes."""
         nodes, faces = sizes.total("mesh_node"), sizes.total("mesh_face")
         for dim, size in {"mesh_node": nodes, "mesh_face": faces, "corner": 3}.items():
             if dim not in group.dimensions:
@@ -788,23 +838,24 @@ class _Meshes:
         for variable in schema.MESH_COUNTS:
             dim = variable.name.removesuffix("_count")
             put(group, variable, study, sizes.counts[dim])
-        wide: Dtype = "i8" if nodes > MOST_COUNTED else "i4"
+        node_dtype: Dtype = "i8" if nodes > MAX_INT32 else "i4"
         for variable in (*schema.MESH, schema.MESH_GEOMETRY):
-            own = replace(variable, dtype=wide) if variable.name == "triangle" else variable
-            define(group, own, study)
+            if variable.name == "triangle":
+                variable = replace(variable, dtype=node_dtype)
+            define(group, variable, study)
         if "region" in sizes.names:
             names = (name for name, _ in study.scenes[0].material.regions)
             region = define(group, schema.REGION, study)
             region.setncatts(dict(schema.flags(BODY, *names)))
-        inner = [among_geometries(v) for v in _fields(study)]
-        extents = [dimensions(group)[dim] for dim in expand(inner[0].dims, study)[:-1]]
+        fields = [among_geometries(v) for v in _fields(study)]
+        extents = [dimensions(group)[dim] for dim in expand(fields[0].dims, study)[:-1]]
         # a chunk as long as a mesh, so that a mesh is written without a look at its neighbours
-        having = sizes.counts["mesh_node"][sizes.counts["mesh_node"] > 0]
-        length = min(
-            nodes, CHUNK // 8, max(CHUNK // 8 // math.prod(extents), int(np.median(having)))
-        )
-        points = tile_shape(tuple(extents), max(1, CHUNK // 8 // length))
-        for variable in inner:
+        node_counts = sizes.counts["mesh_node"]
+        typical_count = int(np.median(node_counts[node_counts > 0]))
+        max_length = CHUNK // 8
+        length = min(nodes, max_length, max(max_length // math.prod(extents), typical_count))
+        points = tile_shape(tuple(extents), max(1, max_length // length))
+        for variable in fields:
             define(group, variable, study, (*points, length))
         return cls(group, sizes)
 
@@ -836,5 +887,5 @@ class _Meshes:
                     variable[*index, nodes] = values
 
 
-MOST_COUNTED = 2**31 - 1
+MAX_INT32 = 2**31 - 1
 """Largest number of a mesh node in 4 bytes."""

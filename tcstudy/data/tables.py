@@ -1,26 +1,25 @@
-"""The files of paths, histories, fits, convergence and cost (CF-1.11): one group each, complete or
-not there at all.
+"""The variables of paths, histories, fits, convergence and cost (CF-1.11): one group for each file.
 
-Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point
-between two vertices is their linear combination, and `energy` a parabola; piece i lies between the
-vertices i and i + 1. Flags are bytes with flag_meanings; nothing is missing.
+Path: `parameter`, `u_T` and `xi` hold the vertices of a polygon exactly. Between two vertices they
+are linear and `energy` is a parabola. Piece i lies between the vertices i and i + 1. Flags are
+bytes with flag_meanings; nothing is missing.
 
-History: a row a sweep point and step. Step 0 puts the loads of the study as it is written on the
-virgin body; after the step in which a history ends early all is missing, and `reason` says why.
-`u_T`, `kappa` and `plastic` are all that the next step remembers, to the bit: a study with more
-steps behind those of a file goes on from there.
+History: one row per sweep point and step. Step 0 applies the loads of the study as it is written to
+the unloaded body. After the step in which a history ends early all values are missing, and `reason`
+says why. `u_T`, `kappa` and `plastic` are the state on which the next step depends, to the bit: a
+study with more steps than its file goes on from there.
 
-Fit: what was found, how well it is known, what the data say against it, in SI units, which differ
-from parameter to parameter: `parameter_units` names them.
+Fit: estimates, their uncertainty and tests of the model, in SI units. Units differ from parameter
+to parameter: `parameter_units` has them.
 
-Convergence: the dimensions of the sweep and the level; each error E has error_E (relative to the
-norm of the reference) and rate_E by level, and size_squared_E (that norm squared: it has a unit
-that CF can write), slope_E, slope_error_E, first_level_E, verdict_E, expected_E and reason_E by
-sweep point; each number Q has value_Q by level, and limit_Q, uncertainty_Q, limit_order_Q and
-exact_Q by sweep point.
+Convergence: the dimensions are those of the sweep and the level. Each error E has error_E (relative
+to the norm of the reference) and rate_E by level. By sweep point it has size_squared_E (that norm
+squared, which has a unit that CF can write), slope_E, slope_error_E, first_level_E, verdict_E,
+expected_E and reason_E. Each number Q has value_Q by level, and limit_Q, uncertainty_Q,
+limit_order_Q and exact_Q by sweep point.
 
-Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level),
-`time` all four; each error E has error_E and dominated_E, by the first three.
+Cost: the dimensions are family, solver, level and run (repeated timings). Sizes have (family,
+level), `time` has all four. Each error E has error_E and dominated_E, by the first three.
 """
 
 from __future__ import annotations
@@ -52,6 +51,7 @@ from tcstudy.data.schema import (
     SWEEP,
     Dims,
     Dtype,
+    Extra,
     FileVariable,
     T,
     count,
@@ -66,14 +66,13 @@ from tcstudy.scene.histories import START, ContactState
 from tcstudy.scene.study import Axis, Study
 
 _VERTEX, _PIECE, _INTERVAL = ("vertex",), ("piece",), ("interval",)
-_AT, _SOLUTION, _LOOP, _JUMP, _BRANCH, _ON_BRANCH = (
-    ("at",), ("solution",), ("loop_vertex",), ("jump",), ("branch",), ("branch_vertex",)
-)  # fmt: skip
+_AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
+_BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
 _STATES = tuple(s.name.lower() for s in ContactState)
 _STABLE = ("unstable", "stable")
 
 
-# nothing is missing in the file of a path
+# variables of a path are coordinates, because nothing is missing in its file
 
 
 def _number(
@@ -88,28 +87,24 @@ def _index(name: str, long_name: str, dims: Dims = ()) -> FileVariable:
 
 
 def _flag(name: str, long_name: str, dims: Dims, meanings: Sequence[str] = ()) -> FileVariable:
-    return FileVariable(
-        name,
-        "i1",
-        "1",
-        long_name,
-        dims,
-        extra=flags(*meanings) if meanings else {},
-        coordinate=True,
-    )
+    extra = flags(*meanings) if meanings else {}
+    return FileVariable(name, "i1", "1", long_name, dims, extra=extra, coordinate=True)
 
 
-def _states(prefix: str, dim: str, parameter: str) -> tuple[FileVariable, ...]:
-    """Solutions: the parameter, energy, displacement and traction of the contact nodes."""
-    along, dims = f"{prefix}parameter", (dim, "node")
-    where = f"{along} arclength x y"
+def _states(prefix: str, dim: str, meaning: str) -> tuple[FileVariable, ...]:
+    """Return the variables of solutions: parameter, energy, displacements and tractions.
+
+    meaning: of the parameter
+    """
+    parameter = f"{prefix}parameter"
+    energy = "total potential energy, per unit thickness"
+    dims = (dim, "node")
+    coordinates = f"{parameter} arclength x y"
     return (
-        _number(along, T, parameter, (dim,)),
-        _number(
-            f"{prefix}energy", "J m-1", "total potential energy, per unit thickness", (dim,), along
-        ),
-        _number(f"{prefix}u_T", "m", "tangential displacement", dims, where),
-        _number(f"{prefix}xi", "Pa", "tangential traction -S_T", dims, where),
+        _number(parameter, T, meaning, (dim,)),
+        _number(f"{prefix}energy", "J m-1", energy, (dim,), parameter),
+        _number(f"{prefix}u_T", "m", "tangential displacement", dims, coordinates),
+        _number(f"{prefix}xi", "Pa", "tangential traction -S_T", dims, coordinates),
     )
 
 
@@ -203,8 +198,7 @@ LOOP: tuple[FileVariable, ...] = (
     _flag("loop_closed", "whether the loop ends where it began", ()),
     _flag("loop_complete", "whether both ends of the range were reached", ()),
 )
-"""The quasi-static hysteresis loop: stable branches one after the other and the falls between
-them."""
+"""The quasi-static hysteresis loop: stable branches one after the other, and the jumps between."""
 BRANCHES: tuple[FileVariable, ...] = (
     _flag("complete", "whether these are all branches", (), CERTIFIED),
     _flag("at_complete", "whether the solutions at the value are all", _AT, CERTIFIED),
@@ -219,8 +213,7 @@ BRANCHES: tuple[FileVariable, ...] = (
         _STABLE,
     ),
 )
-"""Every branch of the range, if they are asked for; a closed one has its first vertex again at its
-end."""
+"""Every branch of the range, on request; a closed one has its first vertex again at its end."""
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
 MESH_LEVEL: tuple[FileVariable, ...] = (
@@ -245,9 +238,9 @@ LEVEL: tuple[FileVariable, ...] = (
         "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact",
     ),
 )
-"""What there is once."""
+"""Variables of a path without a dimension."""
 PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
-"""Everything that a file of a path may hold."""
+"""All variables that a file of a path may hold."""
 _AT_STEP, _STEP_NODE = (SWEEP, "step"), (SWEEP, "step", "node")
 _OF_ROOT = {v.name: replace(v, dims=_AT_STEP) for v in ROOT}
 
@@ -264,7 +257,10 @@ def _of_node(name: str, units: str, long_name: str) -> FileVariable:
 _PER = "per unit thickness"
 _WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
 _CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
-_DEBONDED = "where kappa passes the slip at which the law has fallen, linear between nodes; missing where it is nowhere"
+_DEBONDED = (
+    "where kappa passes the slip at which the law has fallen, linear between nodes; "
+    "missing where it is nowhere"
+)
 STEPS: tuple[FileVariable, ...] = (
     replace(_OF_ROOT["status"], long_name="status of the step"),
     _of_step(
@@ -299,7 +295,7 @@ STEPS: tuple[FileVariable, ...] = (
     _OF_ROOT["iterations"],
     count("jumps", "jumps in the step", _AT_STEP),
 )
-"""What a history has of every step: a number."""
+"""Variables of a history by step."""
 NODES: tuple[FileVariable, ...] = (
     _of_node("u_T", "m", "tangential displacement"),
     _of_node("xi", "Pa", "tangential traction -S_T"),
@@ -308,7 +304,7 @@ NODES: tuple[FileVariable, ...] = (
     _of_node("dissipation", "J m-2", "energy dissipated in the step, by area"),
     replace(_of_node("jumped", "1", "moved by a jump"), dtype="i1", no_value=-1),
 )
-"""And of every step and node."""
+"""Variables of a history by step and node."""
 _LOOSE = "0 where only friction holds the body"
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
@@ -320,15 +316,20 @@ POINTS: tuple[FileVariable, ...] = (
         "margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), "all steps are unique if positive"
     ),
 )
-"""And once, of a point of the sweep."""
+"""Variables of a history by sweep point."""
 HISTORY = (*STEPS, *NODES, *POINTS)
 
 P, D, S = ("parameter",), ("row",), ("start",)
-_OWN = "in the units of parameter_units"
+_UNITS = "in the units of parameter_units"
 
 
-def _own(name: str, what: str, dims: tuple[str, ...] = P) -> FileVariable:
-    return FileVariable(name, "f8", "1", what, dims, comment=_OWN)
+def _own(name: str, long_name: str, dims: Dims = P) -> FileVariable:
+    return FileVariable(name, "f8", "1", long_name, dims, comment=_UNITS)
+
+
+_SIGNED = "with the sign of observed minus fitted"
+_DISTANCE = f"of an orthogonal fit the distance from the curve, {_SIGNED}"
+_FITTED = "of fitted minus observed value over its noise"
 
 
 FIT = (
@@ -348,7 +349,7 @@ FIT = (
         "1",
         "covariance, of ln where logarithmic",
         (*P, "other_parameter"),
-        comment=_OWN,
+        comment=_UNITS,
     ),
     FileVariable(
         "singular_value", "f8", "1", "singular values of the Jacobian by ln p", ("direction",)
@@ -367,7 +368,7 @@ FIT = (
         "1",
         "observed minus fitted value over its noise",
         D,
-        comment="of an orthogonal fit the distance from the curve, with the sign of observed minus fitted",
+        comment=_DISTANCE,
     ),
     FileVariable(
         "jacobian",
@@ -375,14 +376,14 @@ FIT = (
         "1",
         "derivative of the minimised residual by parameter, or by its logarithm",
         (*D, *P),
-        comment="of fitted minus observed value over its noise; of an orthogonal fit of the signed distance",
+        comment=f"{_FITTED}; of an orthogonal fit of the signed distance",
     ),
     FileVariable("noise", "f8", "1", "standard deviation of the noise", D),
     FileVariable("cost", "f8", "1", "half the sum of squares by evaluation", ("improvement",)),
     FileVariable("start_cost", "f8", "1", "half the sum of squares, by distinct minimum", S),
     FileVariable("start_count", "i4", "1", "starts that end in this minimum", S),
     FileVariable(
-        "start_estimate", "f8", "1", "estimate, by distinct minimum", (*S, *P), comment=_OWN
+        "start_estimate", "f8", "1", "estimate, by distinct minimum", (*S, *P), comment=_UNITS
     ),
     FileVariable("curve_given", "f8", "1", "parameter of the load along the curve", ("vertex",)),
     FileVariable("curve_measured", "f8", "1", "value of the study along the curve", ("vertex",)),
@@ -391,8 +392,10 @@ FIT = (
     FileVariable("law_traction", "f8", "Pa", "fitted friction law", ("law_place",)),
     FileVariable("law_error", "f8", "Pa", "its standard error", ("law_place",)),
 )
-"""Everything that a file of a fit may hold. Residuals, and the Jacobian by ln p or by p
-(`logarithmic`), are in units of the noise."""
+"""All variables that a file of a fit may hold.
+
+Residuals, and the Jacobian by ln p or by p (`logarithmic`), are in units of the noise.
+"""
 VERDICTS = (
     "unknown",
     "exact",
@@ -402,13 +405,15 @@ VERDICTS = (
     "pre_asymptotic",
     "too_few_levels",
 )
-"""What the rates say; stored as flags."""
+"""Verdicts on the measured orders, stored as flags."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """An error or a number by name: symbol for tables, units (of an error: of its square),
-    meaning."""
+    """An error or a number.
+
+    symbol: for tables;  units: of an error those of its square
+    """
 
     name: str
     symbol: str
@@ -448,8 +453,7 @@ ERRORS = (
     ),
 )
 BY_ITSELF = {"estimate_u_energy": "error_estimate", "bound_u_energy": "error_bound_relative"}
-"""What a study with a guarantee says of the error of the displacement by itself, by the names in a
-run."""
+"""Errors of the displacement that a study with a guarantee computes: names here, names in a run."""
 NUMBERS = (
     Measure("energy", "energy", "J m-1", "energy of the solution"),
     Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
@@ -461,47 +465,52 @@ NUMBERS = (
 def convergence_record(
     study: Study, points: Sequence[Mapping[str, Any]], reference: str, notes: Sequence[str]
 ) -> Record:
-    """What the file of a convergence holds. What a point does not have, although others do, is
-    missing there.
+    """Return the record of a convergence; values that only some points have are missing elsewhere.
 
-    points:    of every sweep point its status (levels,) and what it has of the variables of `convergence_table`
-    reference: what errors are measured against, in words
+    points:    of every sweep point its status (levels,) and values by variable of
+               `convergence_table`
+    reference: solution against which errors are measured, in words
     """
     levels = len(points[0]["status"])
     values: dict[str, Any] = {"level": np.arange(levels)}
     table = convergence_table(study)
     for variable in table:
-        having = [i for i, point in enumerate(points) if variable.name in point]
-        if having and SWEEP not in variable.dims:
-            values[variable.name] = points[0][variable.name]
-        elif having:
-            shape = (len(points), *((levels,) if "level" in variable.dims else ()))
-            rows = values[variable.name] = missing(variable, shape)
-            if variable.dtype == "str":
-                rows[:] = ""
-            for i in having:
-                rows[i] = points[i][variable.name]
-    return Record("convergence", table, values, {"reference": reference, "notes": "\n".join(notes)})
+        name = variable.name
+        points_with_value = [i for i, point in enumerate(points) if name in point]
+        if not points_with_value:
+            continue
+        if SWEEP not in variable.dims:
+            values[name] = points[0][name]
+            continue
+        shape = (len(points), levels) if "level" in variable.dims else (len(points),)
+        rows = missing(variable, shape)
+        if variable.dtype == "str":
+            rows[:] = ""
+        for i in points_with_value:
+            rows[i] = points[i][name]
+        values[name] = rows
+    attributes = {"reference": reference, "notes": "\n".join(notes)}
+    return Record("convergence", table, values, attributes)
 
 
 def convergence_table(study: Study) -> tuple[FileVariable, ...]:
-    """The variables that the convergence of a study may have."""
-    found = [
-        LEVEL_COORDINATE,
-        *(replace(one, dims=POINT_LEVEL if study.variants else one.dims) for one in LEVELS),
-    ]
-    found.append(
-        FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS)
+    """Return the variables that the convergence of a study may have."""
+    variables = [LEVEL_COORDINATE]
+    for variable in LEVELS:
+        dims = POINT_LEVEL if study.variants else variable.dims
+        variables.append(replace(variable, dims=dims))
+    long_name = "status of the solution"
+    variables.append(
+        FileVariable("status", "i1", "1", long_name, coordinate=True, extra=STATUS),
     )
-    found.append(FileVariable("reason", "str", "", "why there is no solution", POINT_LEVEL))
-    found += _measured()
+    variables.append(FileVariable("reason", "str", "", "why there is no solution", POINT_LEVEL))
+    variables += _measure_variables()
     if study.mesh.guarantee:
-        words = ("estimated relative", "proved bound of the relative")
-        found += [
-            FileVariable(n, "f8", "1", f"{w} {ERRORS[2].long_name}")
-            for n, w in zip(BY_ITSELF, words, strict=True)
-        ]
-    return tuple(found)
+        error = ERRORS[2].long_name
+        estimate, bound = BY_ITSELF
+        variables.append(FileVariable(estimate, "f8", "1", f"estimated relative {error}"))
+        variables.append(FileVariable(bound, "f8", "1", f"proved bound of the relative {error}"))
+    return tuple(variables)
 
 
 LEVELS = (
@@ -512,7 +521,7 @@ LEVELS = (
         "compared", "i1", "1", "1 if the level is compared with the reference", ("level",)
     ),
 )
-"""What a level has, of a sweep over geometries by point."""
+"""Variables by level; of a sweep over geometries they are by point and level."""
 _ONCE = (SWEEP,)
 _ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("error", "f8", "1", POINT_LEVEL, "relative {}"),
@@ -525,7 +534,7 @@ _ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("reason", "str", "1", _ONCE, "reason of the expected order: {}"),
     ("verdict", "i1", "1", _ONCE, "what the rates say: {}"),
 )
-"""What is kept of an error: name before that of the measure, type, units, dimensions, meaning."""
+"""Variables of an error: prefix of the name of the measure, type, units, dimensions, meaning."""
 _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("value", "f8", "{}", POINT_LEVEL, "{}"),
     ("limit", "f8", "{}", _ONCE, "extrapolated to h = 0: {}"),
@@ -533,21 +542,23 @@ _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("limit_order", "f8", "1", _ONCE, "order of the extrapolation: {}"),
     ("exact", "f8", "{}", _ONCE, "exact value where known: {}"),
 )
-"""The same of a number."""
+"""Variables of a number, in the same form."""
 
 
-def _measured() -> Iterator[FileVariable]:
-    """Yield what is kept of every error and number."""
+def _measure_variables() -> Iterator[FileVariable]:
+    """Yield the variables of every error and number."""
     for measure in (*ERRORS, *NUMBERS):
         parts = _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS
-        for part, dtype, units, dims, meaning in parts:
-            name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
-            extra = flags(*VERDICTS) if part == "verdict" else {}
-            yield FileVariable(name, dtype, units.format(measure.units), what, dims, extra=extra)
+        for prefix, dtype, units, dims, meaning in parts:
+            name = f"{prefix}_{measure.name}"
+            units = units.format(measure.units)
+            long_name = meaning.format(measure.long_name)
+            extra = flags(*VERDICTS) if prefix == "verdict" else {}
+            yield FileVariable(name, dtype, units, long_name, dims, extra=extra)
 
 
 OWN = "study"
-"""Name of the study's own meshes where they belong to none of the families, in a file of cost."""
+"""Family of the study's own meshes in a file of cost, if they belong to no other family."""
 BOUND = Measure(
     "u_bound",
     "u in energy, proved",
@@ -559,23 +570,19 @@ MEASURES: tuple[Measure, ...] = (
     BOUND,
     *(m for m in NUMBERS if m.name in ("energy", "friction_resultant")),
 )
-"""Errors that a chart may be of, each relative to the reference; the bound needs none, but a
-guarantee of the study."""
+"""Errors that a chart may show, relative to the reference; the bound needs a guarantee instead."""
 _MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
 
 
 def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
-    """An error and whether it is dominated."""
-    error = (
-        measure.long_name if measure in (*ERRORS, BOUND) else f"error of the {measure.long_name}"
-    )
-    of, on_front = (
-        f"whether another is as fast and as accurate: {error}",
-        flags("on_the_front", "dominated"),
-    )
+    """Return the variables of an error, and of whether it is dominated."""
+    is_error = measure in (*ERRORS, BOUND)
+    error = measure.long_name if is_error else f"error of the {measure.long_name}"
+    dominated = f"whether another is as fast and as accurate: {error}"
+    front = flags("on_the_front", "dominated")
     return (
         FileVariable(f"error_{measure.name}", "f8", "1", f"relative {error}", _SOLVED),
-        FileVariable(f"dominated_{measure.name}", "i1", "1", of, _SOLVED, extra=on_front),
+        FileVariable(f"dominated_{measure.name}", "i1", "1", dominated, _SOLVED, extra=front),
     )
 
 
@@ -600,18 +607,27 @@ COST_TABLE = (
     ),
     *(variable for measure in MEASURES for variable in _charted_error(measure)),
 )
-"""What a file of accuracy against cost may hold; another is as accurate and as fast as what is
-dominated, and better in one of the two."""
+"""All variables that a file of accuracy against cost may hold.
+
+A solution is dominated if another is as accurate and as fast, and better in one of the two.
+"""
 
 
 def history_variables(study: Study) -> tuple[FileVariable, ...]:
-    """The variables of this study's file; what its memory does not have is left out."""
+    """Return the variables of the file of this study's history.
+
+    Variables that its laws, its memory or its branch do not have are left out.
+    """
     assert study.history is not None
-    without = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
-    without |= {"plastic"} if study.history.memory.stiffness is None else set()
-    without |= {"debonded_from", "debonded_to"} if "debonded_length" in without else set()
-    without |= {"jumped"} if study.history.branch != "continued" else set()
-    return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
+    absent = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
+    if study.history.memory.stiffness is None:
+        absent.add("plastic")
+    if "debonded_length" in absent:
+        absent |= {"debonded_from", "debonded_to"}
+    if study.history.branch != "continued":
+        absent.add("jumped")
+    variables = (v for v in HISTORY if v.name not in absent)
+    return (*variables, *step_variables(study))
 
 
 @cache
@@ -624,8 +640,8 @@ def _history_names() -> frozenset[str]:
 
 @cache
 def _names() -> frozenset[str]:
-    """Return the names of variables and dimensions in files of a swept study, whatever it asks for."""
-    tables = (*LEVELS, *_measured())
+    """Return the names of variables and dimensions in files of any swept study."""
+    tables = (*LEVELS, *_measure_variables())
     names = {name for variable in tables for name in (variable.name, *variable.dims)}
     return RESERVED | names | _history_names() | {*BY_ITSELF}
 
@@ -636,8 +652,10 @@ def is_taken(name: str) -> bool:
 
 
 def is_taken_in_history(name: str) -> bool:
-    """Return whether the file of a history may use a name itself; it has no fields, so that theta
-    may be a load."""
+    """Return whether the file of a history may use a name itself.
+
+    It has no fields, so that `theta` may be the name of a load.
+    """
     return name in _history_names() or _is_numbered_or_requested(name)
 
 
@@ -646,8 +664,10 @@ def _is_numbered_or_requested(name: str) -> bool:
 
 
 def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
-    """Return what swept parameters are called in files: their names, or where such a name is taken
-    their key paths ("heat_omega"); no two alike."""
+    """Return the names of swept parameters in files, which all differ.
+
+    A parameter whose name is taken has its key path as a name ("heat_omega").
+    """
     names = list[str]()
     for axis in axes:
         names.append(free_name(axis.name, axis.path, lambda name: name in names or is_taken(name)))
@@ -655,77 +675,80 @@ def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
 
 
 def step_record(
-    study: Study, point: int, step: int, found: Mapping[str, Any], reason: str = ""
+    study: Study, point: int, step: int, values: Mapping[str, Any], reason: str = ""
 ) -> BlockRecord:
-    """A step of a point, as a journal has points of a level: what is known of the variables of its
-    file, by name."""
-    known = (
-        (v, found[v.name])
-        for v in history_variables(study)
-        if v.name in found and v.name not in _OF_BLOCK
-    )
-    numbers = {v.name: np.asarray(value, v.dtype)[None] for v, value in known}
-    status, reasons = np.array([found["status"]], dtype=np.int8), {0: reason} if reason else {}
-    return BlockRecord(
-        step, study.shape, np.array([point], dtype=np.intp), status, reasons, numbers
-    )
+    """Return the record of a step of a point: its values by name of a variable of the file.
+
+    The journal has a step as it has the points of a level.
+    """
+    numbers = dict[str, Any]()
+    for variable in history_variables(study):
+        name = variable.name
+        if name in values and name not in ("status", "reason"):
+            numbers[name] = np.asarray(values[name], variable.dtype)[None]
+    points = np.array([point], dtype=np.intp)
+    status = np.array([values["status"]], dtype=np.int8)
+    reasons = {0: reason} if reason else {}
+    return BlockRecord(step, study.shape, points, status, reasons, numbers)
 
 
-_OF_BLOCK = ("status", "reason")
+def _step_coordinate(
+    name: str, dtype: Dtype, units: str, long_name: str, extra: Extra | None = None
+) -> FileVariable:
+    return FileVariable(
+        name, dtype, units, long_name, ("step",), extra=extra or {}, coordinate=True
+    )
 
 
 def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
-    """Coordinates of the steps: number, name, cycle and every load that changes, with their values
-    (N,)."""
+    """Return the coordinates of the steps with their values (N,).
+
+    They are number, name, cycle, and every load that changes.
+    """
     plan = study.history
     assert plan is not None
-    schedule, loads = list(plan.schedule()), plan.loads()
+    schedule = list(plan.schedule())
     cycles = np.array([0, *(cycle for *_, cycle in schedule)])
-    names = np.array([START, *(name for *_, name, _ in schedule)], dtype=object)
-    found: list[tuple[FileVariable, Any]] = [
-        (
-            FileVariable("step", "i4", "1", "step", ("step",), coordinate=True),
-            np.arange(len(cycles)),
-        ),
-        (
-            FileVariable("step_name", "str", "", "name of the step", ("step",), coordinate=True),
-            names,
-        ),
-        (FileVariable("cycle", "i4", "1", "cycle, from 1", ("step",), coordinate=True), cycles),
+    step_names = np.array([START, *(name for *_, name, _ in schedule)], dtype=object)
+    coordinates: list[tuple[FileVariable, NDArray[Any]]] = [
+        (_step_coordinate("step", "i4", "1", "step"), np.arange(len(cycles))),
+        (_step_coordinate("step_name", "str", "", "name of the step"), step_names),
+        (_step_coordinate("cycle", "i4", "1", "cycle, from 1"), cycles),
     ]
-    taken = {*axis_names(study.axes)}
+    used_names = {*axis_names(study.axes)}
+    loads = plan.loads()
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
+        free = free_name(name, keys, lambda n: n in used_names or is_taken_in_history(n))
+        used_names.add(free)
         extra = DIFFERENCE if units == "K" else {}
-        chosen = free_name(
-            name, keys, lambda choice: choice in taken or is_taken_in_history(choice)
-        )
-        taken.add(chosen)
-        variable = FileVariable(
-            chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra
-        )
-        found.append((variable, np.array([values[keys] for values in loads])))
-    return found
+        variable = _step_coordinate(free, "f8", units, ".".join(keys), extra)
+        coordinates.append((variable, np.array([values[keys] for values in loads])))
+    return coordinates
 
 
 def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]) -> Record:
-    """All steps of all points."""
-    plan, loads, own = study.history, load_variables(study), history_variables(study)
+    """Return the record of all steps of all points."""
+    plan = study.history
     assert plan is not None
-    points, N = len(study.scenes), plan.steps + 1
-    shapes: dict[str, tuple[int, ...]] = {"step": (points, N), "node": (points, N, line.n_contact)}
-    values = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in own}
+    points = len(study.scenes)
+    count = plan.steps + 1
+    shapes: dict[str, tuple[int, ...]] = {
+        "step": (points, count),
+        "node": (points, count, line.n_contact),
+    }
+    variables = history_variables(study)
+    values = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in variables}
     values["reason"][:] = ""
-    for one in steps:
-        point, at = one.points[0], (one.points[0], one.level)
-        for name, (value,) in ({"status": one.status} | one.numbers).items():
-            values[name][at if values[name].ndim > 1 else point] = value
-        values["reason"][point] = one.reasons.get(0, values["reason"][point])
-    told: dict[str, str] = {"memory": plan.memory.words, "branch": plan.branch}
-    told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
-    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *own)
-    return Record(
-        "history",
-        table,
-        {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values},
-        told,
-    )
+    for step in steps:
+        point = step.points[0]
+        for name, (value,) in ({"status": step.status} | step.numbers).items():
+            index = (point, step.level) if values[name].ndim > 1 else point
+            values[name][index] = value
+        values["reason"][point] = step.reasons.get(0, values["reason"][point])
+    loads = load_variables(study)
+    load_names = (variable.name for variable, _ in loads if variable.dtype == "f8")
+    attributes = {"memory": plan.memory.words, "branch": plan.branch, "loads": " ".join(load_names)}
+    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *variables)
+    coordinates = {variable.name: labels for variable, labels in loads}
+    all_values = {**vars(line), **line.fields, **coordinates, **values}
+    return Record("history", table, all_values, attributes)

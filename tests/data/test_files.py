@@ -146,5 +146,5 @@ def test_what_killed_writers_left_goes_and_what_others_write_stays(
             os.utime(output.parent / name, (0.0, 0.0))
     write(output, study, [], [])
     assert sorted(os.listdir(output.parent)) == sorted([output.name, at_work, *others])
-    files.remove_stale(output, alone=True)
+    files.remove_stale(output, has_lock=True)
     assert sorted(os.listdir(output.parent)) == sorted([output.name, *others])

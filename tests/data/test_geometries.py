@@ -189,8 +189,8 @@ def test_all_records_come_back_to_the_bit(
     if small:
         monkeypatch.setattr(store, "CHUNK", 256)
         monkeypatch.setattr("tcstudy.data.variables.CHUNK", 256)
-        monkeypatch.setattr("tcstudy.data.variables.SMALL", 16)
-        monkeypatch.setattr(store, "MEMORY", 2**17)
+        monkeypatch.setattr("tcstudy.data.variables.MAX_CONTIGUOUS", 16)
+        monkeypatch.setattr(store, "MAX_MEMORY", 2**17)
     made = MadeUp(sweep)
     every = made.study.mesh.levels * len(made.study.scenes)
     refused = 2 * len(made.study.variants[-1].places)

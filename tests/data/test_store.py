@@ -200,7 +200,7 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
         passes += 1
         yield from blocks
 
-    monkeypatch.setattr(store, "MEMORY", memory)
+    monkeypatch.setattr(store, "MAX_MEMORY", memory)
     monkeypatch.setattr(store, "CHUNK", 2**15)
     store.write(
         output, store.Results(study, lambda: [make_level(0)], again, collect(study, ["tcstudy"]))
