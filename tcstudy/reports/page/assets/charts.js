@@ -13,20 +13,20 @@ TC.svgNode = (tag, attrs = {}, ...children) =>
 TC.el = (tag, attrs = {}, ...children) => TC.made(document.createElement(tag), attrs, children);
 
 TC.ticks = function (lo, hi, count) {
-  const span = hi - lo || Math.abs(hi) || 1,
-    raw = span / Math.max(1, count),
-    power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 2.5, 5, 10].find((s) => s * power >= raw) * power,
-    first = Math.ceil(lo / step - 1e-9),
-    last = Math.floor((hi + 1e-9 * span) / step),
-    out = [];
+  const span = hi - lo || Math.abs(hi) || 1;
+  const raw = span / Math.max(1, count);
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 2.5, 5, 10].find((s) => s * power >= raw) * power;
+  const first = Math.ceil(lo / step - 1e-9);
+  const last = Math.floor((hi + 1e-9 * span) / step);
+  const out = [];
   for (let k = first; k <= last && out.length <= 4 * count; k++) out.push(k * step || 0);
   return out.length ? out : [lo];
 };
 TC.logTicks = function (lo, hi, count) {
-  const a = Math.floor(Math.log10(lo) + 1e-9),
-    b = Math.ceil(Math.log10(hi) - 1e-9),
-    every = Math.max(1, Math.ceil((b - a) / Math.max(1, count)));
+  const a = Math.floor(Math.log10(lo) + 1e-9);
+  const b = Math.ceil(Math.log10(hi) - 1e-9);
+  const every = Math.max(1, Math.ceil((b - a) / Math.max(1, count)));
   for (const parts of [[1], [1, 2, 5], [1, 1.5, 2, 3, 5, 7]]) {
     const out = [];
     for (let e = a; e <= b; e += parts.length > 1 ? 1 : every)
@@ -36,9 +36,9 @@ TC.logTicks = function (lo, hi, count) {
   return [lo, hi];
 };
 TC.tickText = function (ticks) {
-  const most = Math.max(...ticks.map(Math.abs)),
-    step =
-      ticks.length > 1 ? Math.min(...ticks.slice(1).map((t, i) => Math.abs(t - ticks[i]))) : most;
+  const most = Math.max(...ticks.map(Math.abs));
+  const step =
+    ticks.length > 1 ? Math.min(...ticks.slice(1).map((t, i) => Math.abs(t - ticks[i]))) : most;
   if (most >= 1e6 || (most < 1e-3 && most > 0)) {
     let digits = 3; // of which powers show all but one
     while (
@@ -125,16 +125,16 @@ TC.Plot = class {
     return this.y[0] + ((p - this.bottom) / (this.top - this.bottom)) * (this.y[1] - this.y[0]);
   }
   axes() {
-    const g = this.back,
-      text = (x, y, s, anchor, extra = {}) =>
-        g.append(TC.svgNode("text", { x, y, "text-anchor": anchor, ...extra }, s));
-    const many = Math.max(2, Math.floor((this.right - this.left) / 80)),
-      tall = Math.max(2, Math.floor((this.bottom - this.top) / 38));
+    const g = this.back;
+    const text = (x, y, s, anchor, extra = {}) =>
+      g.append(TC.svgNode("text", { x, y, "text-anchor": anchor, ...extra }, s));
+    const many = Math.max(2, Math.floor((this.right - this.left) / 80));
+    const tall = Math.max(2, Math.floor((this.bottom - this.top) / 38));
     const xt =
       this.xticks || (this.xlog ? TC.logTicks(...this.x, many) : TC.ticks(...this.x, many));
     const yt = this.ylog ? TC.logTicks(...this.y, tall) : TC.ticks(...this.y, tall);
-    const xs = this.xlog ? (v) => TC.number(v, 3) : TC.tickText(xt),
-      ys = this.ylog ? (v) => TC.number(v, 3) : TC.tickText(yt);
+    const xs = this.xlog ? (v) => TC.number(v, 3) : TC.tickText(xt);
+    const ys = this.ylog ? (v) => TC.number(v, 3) : TC.tickText(yt);
     for (const v of yt) {
       const y = this.py(v);
       g.append(
@@ -150,8 +150,8 @@ TC.Plot = class {
     }
     let last = -Infinity;
     for (const v of this.xnone ? [] : xt) {
-      const x = this.px(v),
-        s = this.xtext ? this.xtext(v) : xs(v);
+      const x = this.px(v);
+      const s = this.xtext ? this.xtext(v) : xs(v);
       g.append(
         TC.svgNode("line", { x1: x, x2: x, y1: this.bottom, y2: this.bottom + 4, class: "axis" }),
       );
@@ -168,18 +168,18 @@ TC.Plot = class {
     if (this.xlabel) text((this.left + this.right) / 2, this.bottom + 36, this.xlabel, "middle");
     if (this.ylabel) {
       // a name longer than the axis stands whole in the title above
-      const y = (this.top + this.bottom) / 2,
-        unit = / \[[^\]]*\]$/.exec(this.ylabel)?.[0] ?? "";
-      const fits = Math.floor((this.bottom - this.top) / 6),
-        cut = this.ylabel.slice(0, fits - unit.length - 1).trimEnd();
+      const y = (this.top + this.bottom) / 2;
+      const unit = / \[[^\]]*\]$/.exec(this.ylabel)?.[0] ?? "";
+      const fits = Math.floor((this.bottom - this.top) / 6);
+      const cut = this.ylabel.slice(0, fits - unit.length - 1).trimEnd();
       text(11, y, this.ylabel.length > fits ? `${cut}…${unit}` : this.ylabel, "middle", {
         transform: `rotate(-90 11 ${y})`,
       });
     }
   }
   line(xs, ys, attrs = {}) {
-    let d = "",
-      pen = false;
+    let d = "";
+    let pen = false;
     for (let i = 0; i < xs.length; i++) {
       if (!Number.isFinite(ys[i]) || !Number.isFinite(xs[i])) {
         pen = false;
@@ -200,8 +200,8 @@ TC.Plot = class {
   }
   // Values constant between edges: edges has one entry more than values.
   steps(edges, values, attrs = {}) {
-    const xs = [],
-      ys = [];
+    const xs = [];
+    const ys = [];
     for (let i = 0; i < values.length; i++) {
       xs.push(edges[i], edges[i + 1]);
       ys.push(values[i], values[i]);
@@ -235,8 +235,8 @@ TC.pad = function ([lo, hi], part = 0.06, log = false) {
     const f = (hi / lo || 10) ** part;
     return hi > lo ? [lo / f, hi * f] : [lo / 2, hi * 2];
   }
-  const size = Math.max(Math.abs(lo), Math.abs(hi)),
-    span = hi - lo > 1e-12 * size ? hi - lo : size || 1; // what differs by rounding is one value
+  const size = Math.max(Math.abs(lo), Math.abs(hi));
+  const span = hi - lo > 1e-12 * size ? hi - lo : size || 1; // what differs by rounding is one value
   return [lo - part * span, hi + part * span];
 };
 
@@ -264,9 +264,9 @@ TC.HEAT = [
   [177, 0, 38],
 ];
 TC.colour = function (t, stops = TC.CIVIDIS) {
-  const x = Math.min(1, Math.max(0, t)) * (stops.length - 1),
-    i = Math.min(stops.length - 2, Math.floor(x)),
-    f = x - i;
+  const x = Math.min(1, Math.max(0, t)) * (stops.length - 1);
+  const i = Math.min(stops.length - 2, Math.floor(x));
+  const f = x - i;
   return stops[i].map((c, k) => Math.round(c + f * (stops[i + 1][k] - c)));
 };
 TC.css = ([r, g, b]) => `rgb(${r},${g},${b})`;

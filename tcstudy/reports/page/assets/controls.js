@@ -77,8 +77,8 @@ TC.swatch = (fill, text) =>
   TC.entry(20, 10, [TC.svgNode("rect", { width: 20, height: 10, fill })], text);
 // Put children into a host without losing the focus of the control that was used.
 TC.fill = function (host, ...children) {
-  const active = document.activeElement,
-    inside = host.contains(active) ? active.getAttribute("aria-label") : null;
+  const active = document.activeElement;
+  const inside = host.contains(active) ? active.getAttribute("aria-label") : null;
   host.replaceChildren(...children.flat().filter((c) => c !== null && c !== undefined));
   if (inside) host.querySelector(`[aria-label="${CSS.escape(inside)}"]`)?.focus();
 };
@@ -86,14 +86,14 @@ TC.fill = function (host, ...children) {
 TC.MOST_ROWS = 300; // that a table shows; what is saved has all
 // A table that sorts by its columns; columns: {title, get(row), text(row), left, minor}; minor ones are not printed.
 TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
-  const order = rows.slice(),
-    cls = (c) => (c.left ? "text" : "") + (c.minor ? " noprint" : "");
+  const order = rows.slice();
+  const cls = (c) => (c.left ? "text" : "") + (c.minor ? " noprint" : "");
   if (columns[sort]) {
     const key = columns[sort].get;
     const rank = (v) => (typeof v === "number" && Number.isNaN(v) ? -Infinity : v);
     order.sort((a, b) => {
-      const u = rank(key(a)),
-        v = rank(key(b));
+      const u = rank(key(a));
+      const v = rank(key(b));
       return (u < v ? -1 : u > v ? 1 : 0) * (down ? -1 : 1);
     });
   }
@@ -150,9 +150,9 @@ TC.plain = function (head, rows, look = () => null) {
 TC.wide = (...table) => TC.el("div", { class: "wide-table" }, TC.plain(...table));
 // What TC.table needs to sort by the state's values of two names; a click on the sorted column turns it round.
 TC.sorting = function (by = "sort", down = "down", first = -1) {
-  const s = TC.state,
-    sort = s[by] === undefined ? first : Number(s[by]),
-    turned = Number(s[down]) === 1;
+  const s = TC.state;
+  const sort = s[by] === undefined ? first : Number(s[by]);
+  const turned = Number(s[down]) === 1;
   return {
     sort,
     down: turned,
@@ -182,16 +182,16 @@ TC.facts = (pairs) =>
   );
 
 TC.provenance = function (host) {
-  const d = TC.data,
-    words = {
-      history: "made by",
-      source: "program",
-      git_commit: "commit of the study",
-      study_sha256: "checksum of the study",
-      references: "method",
-      institution: "institution",
-      Conventions: "conventions",
-    };
+  const d = TC.data;
+  const words = {
+    history: "made by",
+    source: "program",
+    git_commit: "commit of the study",
+    study_sha256: "checksum of the study",
+    references: "method",
+    institution: "institution",
+    Conventions: "conventions",
+  };
   const pairs = Object.entries(words)
     .filter(([k]) => d.provenance[k] && d.provenance[k] !== "unspecified")
     .map(([k, t]) => [t, d.provenance[k]]);

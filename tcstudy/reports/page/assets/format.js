@@ -39,8 +39,8 @@ TC.unpack = function (node, buffer, start) {
 
 // Row p of values kept with 16 bits; missing ones are NaN.
 TC.row = function (rows, p) {
-  const n = rows.rows.shape[1],
-    scale = rows.scale[p];
+  const n = rows.rows.shape[1];
+  const scale = rows.scale[p];
   return Float64Array.from(rows.rows.subarray(p * n, (p + 1) * n), (q) =>
     q === -32768 ? NaN : q * scale,
   );
@@ -48,9 +48,9 @@ TC.row = function (rows, p) {
 
 // Field p on the body: the sum of its modes.
 TC.field = function (fields, p) {
-  const rank = fields.factor.shape[1],
-    n = fields.mode.rows.shape[1],
-    out = new Float64Array(n);
+  const rank = fields.factor.shape[1];
+  const n = fields.mode.rows.shape[1];
+  const out = new Float64Array(n);
   for (let j = 0; j < rank; j++) {
     const factor = fields.factor[p * rank + j] * fields.mode.scale[j];
     if (factor !== 0) for (let i = 0; i < n; i++) out[i] += factor * fields.mode.rows[j * n + i];
@@ -146,8 +146,8 @@ TC.axisWords = (axis, i) =>
 TC.short = (column) => column.name.replaceAll("_", " ");
 TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));
 TC.range = (values, none = [0, 1]) => {
-  let lo = Infinity,
-    hi = -Infinity;
+  let lo = Infinity;
+  let hi = -Infinity;
   for (const v of values)
     if (Number.isFinite(v)) {
       if (v < lo) lo = v;

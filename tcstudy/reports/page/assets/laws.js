@@ -2,8 +2,8 @@
 TC.Law = class {
   // pieces: those of the data; the law f b(s / g) of them.
   constructor(pieces, f = 1, g = 1) {
-    const of = (values, by) => Float64Array.from(values, (v) => v * by),
-      K = pieces.kinks.length;
+    const of = (values, by) => Float64Array.from(values, (v) => v * by);
+    const K = pieces.kinks.length;
     Object.assign(this, {
       kind: pieces.kinds,
       kinks: of(pieces.kinks, g),
@@ -26,8 +26,8 @@ TC.Law = class {
   }
   // Index of the piece that holds s; at a kink the one to its right (side > 0) or left.
   piece(s, side) {
-    let lo = 0,
-      hi = this.kinks.length;
+    let lo = 0;
+    let hi = this.kinks.length;
     while (lo < hi) {
       const mid = (lo + hi) >> 1;
       if (side > 0 ? this.kinks[mid] <= s : this.kinks[mid] < s) lo = mid + 1;

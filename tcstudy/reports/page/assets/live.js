@@ -10,8 +10,8 @@ TC.live = {
   setup() {
     const L = TC.data.live;
     if (!L || L.m) return;
-    const m = (L.m = L.c.length),
-      full = new Float64Array(m * m);
+    const m = (L.m = L.c.length);
+    const full = new Float64Array(m * m);
     for (let i = 0, k = 0; i < m; i++)
       for (let j = 0; j <= i; j++, k++) full[i * m + j] = full[j * m + i] = L.A[k];
     Object.assign(L, { A: full, line: TC.data.lines[String(L.level)] });
@@ -19,8 +19,8 @@ TC.live = {
   law: (p) => TC.data.laws.laws[TC.data.laws.index[p]],
   // Why a point cannot be solved here; empty if it can.
   refused(p) {
-    const law = TC.live.law(p),
-      L = TC.data.live;
+    const law = TC.live.law(p);
+    const L = TC.data.live;
     if (L.valid[p] !== 1 || !law)
       return "Its elastic ratio is not that of the matrix in the page, or friction differs along the line.";
     if (TC.run.proof(p, L.level) !== "unique")
@@ -28,15 +28,17 @@ TC.live = {
     return "";
   },
   stiffness(p) {
-    const L = TC.data.live,
-      by = L.stiffness[p];
+    const L = TC.data.live;
+    const by = L.stiffness[p];
     return by === 1 ? L.A : L.A.map((x) => x * by);
   },
   base: () => ({ load: 1, strength: 1, slip: 1 }),
   // The problem of a point with its mechanical load and its law scaled.
   problem(p, set) {
-    const L = TC.data.live,
-      [whole, own] = [L.load, L.mechanical_load].map((all) => all.subarray(p * L.m, (p + 1) * L.m));
+    const L = TC.data.live;
+    const [whole, own] = [L.load, L.mechanical_load].map((all) =>
+      all.subarray(p * L.m, (p + 1) * L.m),
+    );
     return new TC.Problem(
       TC.live.stiffness(p),
       Float64Array.from(whole, (x, i) => x + (set.load - 1) * own[i]),
@@ -51,14 +53,14 @@ TC.live = {
   unique: (p, set) => TC.live.omega(p, set) < TC.data.live.proved[p],
   draw() {
     TC.live.setup();
-    const s = TC.state,
-      main = document.getElementById("main"),
-      p = TC.run.flat(s.at);
+    const s = TC.state;
+    const main = document.getElementById("main");
+    const p = TC.run.flat(s.at);
     if (!TC.live.host) {
-      const head = TC.el("div", { class: "live" }),
-        controls = TC.el("div"),
-        left = TC.panel(),
-        right = TC.panel();
+      const head = TC.el("div", { class: "live" });
+      const controls = TC.el("div");
+      const left = TC.panel();
+      const right = TC.panel();
       main.replaceChildren(
         TC.el("h2", {}, "Explore live"),
         head,
@@ -93,11 +95,11 @@ TC.live = {
       : TC.live.base();
   },
   controls(p) {
-    const r = TC.data.run,
-      s = TC.state,
-      L = TC.data.live,
-      picks = TC.el("div", { class: "controls" }),
-      sliders = TC.el("div", { class: "sliders" });
+    const r = TC.data.run;
+    const s = TC.state;
+    const L = TC.data.live;
+    const picks = TC.el("div", { class: "controls" });
+    const sliders = TC.el("div", { class: "sliders" });
     if (r.grid)
       for (const a of r.varied) {
         const d = TC.run.dim(a.name);
@@ -145,12 +147,18 @@ TC.live = {
       if (key !== "load" || loaded) sliders.append(TC.live.slider(key, ...about));
   },
   slider(key, label, lo, hi, log) {
-    const set = TC.live.set,
-      n = 400,
-      to = (v) => (log ? Math.log(v / lo) / Math.log(hi / lo) : (v - lo) / (hi - lo)) * n,
-      from = (x) => (log ? lo * (hi / lo) ** (x / n) : lo + ((hi - lo) * x) / n);
-    const out = TC.el("output", {}, TC.number(set[key], 3)),
-      range = TC.el("input", { type: "range", min: 0, max: n, step: "any", "aria-label": label });
+    const set = TC.live.set;
+    const n = 400;
+    const to = (v) => (log ? Math.log(v / lo) / Math.log(hi / lo) : (v - lo) / (hi - lo)) * n;
+    const from = (x) => (log ? lo * (hi / lo) ** (x / n) : lo + ((hi - lo) * x) / n);
+    const out = TC.el("output", {}, TC.number(set[key], 3));
+    const range = TC.el("input", {
+      type: "range",
+      min: 0,
+      max: n,
+      step: "any",
+      "aria-label": label,
+    });
     range.value = to(set[key]);
     range.addEventListener("input", () => {
       set[key] = from(Number(range.value));
@@ -170,27 +178,27 @@ TC.live = {
     });
   },
   show(p) {
-    const { left, right } = TC.live.host,
-      set = TC.live.set,
-      L = TC.data.live;
+    const { left, right } = TC.live.host;
+    const set = TC.live.set;
+    const L = TC.data.live;
     TC.live.answer = null;
     TC.fill(left);
     TC.fill(right);
     if (!set) return;
-    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1",
-      omega = TC.live.omega(p, set),
-      line = L.line;
-    const numbers = `λ₁ = ${TC.quantity(L.lambda_1[p], units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`,
-      law = (cases) =>
-        TC.point.lawPlot(
-          TC.width(right),
-          "The law, and where every node stands",
-          TC.live.law(p),
-          cases,
-          line,
-          set.strength,
-          set.slip,
-        );
+    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1";
+    const omega = TC.live.omega(p, set);
+    const line = L.line;
+    const numbers = `λ₁ = ${TC.quantity(L.lambda_1[p], units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`;
+    const law = (cases) =>
+      TC.point.lawPlot(
+        TC.width(right),
+        "The law, and where every node stands",
+        TC.live.law(p),
+        cases,
+        line,
+        set.strength,
+        set.slip,
+      );
     if (!TC.live.unique(p, set)) {
       TC.fill(
         right,
@@ -200,10 +208,10 @@ TC.live = {
       );
       return;
     }
-    const problem = TC.live.problem(p, set),
-      begun = performance.now(),
-      answer = TC.solve(problem),
-      time = performance.now() - begun;
+    const problem = TC.live.problem(p, set);
+    const begun = performance.now();
+    const answer = TC.solve(problem);
+    const time = performance.now() - begun;
     if (!answer.converged) {
       TC.fill(
         right,

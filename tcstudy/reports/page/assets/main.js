@@ -25,9 +25,9 @@ TC.restore = function () {
   else Object.assign(TC.state, given);
 };
 TC.start = async function () {
-  const d = (TC.data = await TC.decode(document.getElementById("data").textContent)),
-    verdict = document.getElementById("verdict"),
-    how = d.verdict.how;
+  const d = (TC.data = await TC.decode(document.getElementById("data").textContent));
+  const verdict = document.getElementById("verdict");
+  const how = d.verdict.how;
   const kinds = {
     run: "a parametric study",
     convergence: "convergence of a study",
@@ -45,11 +45,11 @@ TC.start = async function () {
     document.getElementById("main").replaceChildren();
   };
   if (d.live) {
-    const nav = document.getElementById("modes"),
-      go = (mode) => () => {
-        anew();
-        TC.set({ mode });
-      };
+    const nav = document.getElementById("modes");
+    const go = (mode) => () => {
+      anew();
+      TC.set({ mode });
+    };
     nav.hidden = false;
     nav.append(
       TC.el("button", { value: "", role: "tab", onclick: go("") }, "Stored results"),
@@ -61,8 +61,8 @@ TC.start = async function () {
     );
   }
   TC.draw();
-  let width = window.innerWidth,
-    timer = null;
+  let width = window.innerWidth;
+  let timer = null;
   window.addEventListener("resize", () => {
     if (window.innerWidth !== width) {
       width = window.innerWidth;
@@ -85,21 +85,21 @@ TC.start = async function () {
       /^(INPUT|SELECT|TEXTAREA)$/.test(document.activeElement.tagName)
     )
       return;
-    const s = TC.state,
-      run = d.run && s.mode !== "live",
-      act = {
-        d: TC.toggle,
-        "?": TC.keys,
-        "[": () => TC.step(-1),
-        "]": () => TC.step(1),
-        c: () => run && !d.steps && TC.set({ vs: s.vs ? null : s.at.slice() }),
-        q: () => {
-          if (run) {
-            const names = Object.keys(d.run.numbers);
-            TC.set({ q: names[(names.indexOf(s.q) + 1) % names.length] });
-          }
-        },
-      }[e.key];
+    const s = TC.state;
+    const run = d.run && s.mode !== "live";
+    const act = {
+      d: TC.toggle,
+      "?": TC.keys,
+      "[": () => TC.step(-1),
+      "]": () => TC.step(1),
+      c: () => run && !d.steps && TC.set({ vs: s.vs ? null : s.at.slice() }),
+      q: () => {
+        if (run) {
+          const names = Object.keys(d.run.numbers);
+          TC.set({ q: names[(names.indexOf(s.q) + 1) % names.length] });
+        }
+      },
+    }[e.key];
     if (act) {
       e.preventDefault();
       act();
@@ -109,8 +109,8 @@ TC.start = async function () {
 };
 // One level, or state (a step, a vertex of a path, a datum), on or back.
 TC.step = function (by) {
-  const s = TC.state,
-    to = (v, count) => Math.max(0, Math.min(count - 1, v + by));
+  const s = TC.state;
+  const to = (v, count) => Math.max(0, Math.min(count - 1, v + by));
   if (TC.count) TC.set({ step: to(s.step, TC.count) });
   else if (TC.data.run && s.mode !== "live") TC.set({ level: to(s.level, TC.data.run.nlevels) });
 };

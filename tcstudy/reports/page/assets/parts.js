@@ -1,8 +1,8 @@
 // Parts of a page as the data have them: panels, tables, sheets of columns, states of the contact line.
 // Puts parts into a host; lists that scroll stay where they are.
 TC.show = function (host, parts, ...before) {
-  const width = TC.width(host),
-    tops = [...host.querySelectorAll(".scroll")].map((box) => box.scrollTop);
+  const width = TC.width(host);
+  const tops = [...host.querySelectorAll(".scroll")].map((box) => box.scrollTop);
   TC.fill(
     host,
     ...before,
@@ -16,11 +16,11 @@ TC.count = 0; // of the states that a slider counts
 
 TC.part = {
   text(p) {
-    const notes = p.lines.map((line) => TC.note(line)),
-      rest =
-        notes.length > 12
-          ? TC.el("details", {}, TC.el("summary", {}, `${notes.length - 8} more`), notes.splice(8))
-          : null;
+    const notes = p.lines.map((line) => TC.note(line));
+    const rest =
+      notes.length > 12
+        ? TC.el("details", {}, TC.el("summary", {}, `${notes.length - 8} more`), notes.splice(8))
+        : null;
     return TC.el("div", {}, notes, rest);
   },
   table(p) {
@@ -84,26 +84,26 @@ TC.part = {
     ),
 
   panel(given, width) {
-    const p = { ...given, items: given.items.map(TC.looks) },
-      range = (k) => {
-        const axis = "xy"[k],
-          plain = ["line", "marks", "fill", "cells", "arrow"],
-          values = p.items
-            .filter((i) => plain.includes(i.kind) || (k && i.kind === "across"))
-            .flatMap((i) =>
-              TC.range(
-                Array.from(i[axis]).filter((v) => !p.log[k] || v > 0),
-                [],
-              ),
-            );
-        const found = TC.pad(
-            TC.range(values, p.log[k] ? [1, 10] : [0, 1]),
-            p.items.some((i) => i.kind === "cells") ? 0 : 0.06,
-            p.log[k],
+    const p = { ...given, items: given.items.map(TC.looks) };
+    const range = (k) => {
+      const axis = "xy"[k];
+      const plain = ["line", "marks", "fill", "cells", "arrow"];
+      const values = p.items
+        .filter((i) => plain.includes(i.kind) || (k && i.kind === "across"))
+        .flatMap((i) =>
+          TC.range(
+            Array.from(i[axis]).filter((v) => !p.log[k] || v > 0),
+            [],
           ),
-          given = p.limits[k] || [null, null];
-        return found.map((v, e) => given[e] ?? v);
-      };
+        );
+      const found = TC.pad(
+        TC.range(values, p.log[k] ? [1, 10] : [0, 1]),
+        p.items.some((i) => i.kind === "cells") ? 0 : 0.06,
+        p.log[k],
+      );
+      const given = p.limits[k] || [null, null];
+      return found.map((v, e) => given[e] ?? v);
+    };
     const ticks = p.ticks
       ? p.ticks[0].map((at, i) => [at, p.ticks[1][i]]).sort((a, b) => a[0] - b[0])
       : null;
@@ -124,9 +124,9 @@ TC.part = {
     const key = new Map();
     for (const item of p.items) TC.draw_item[item.kind](plot, item, key, p.items);
     if (p.at) {
-      const [x, y] = p.at,
-        s = TC.state.step,
-        places = [...x.keys()].filter((i) => Number.isFinite(x[i]) && Number.isFinite(y[i]));
+      const [x, y] = p.at;
+      const s = TC.state.step;
+      const places = [...x.keys()].filter((i) => Number.isFinite(x[i]) && Number.isFinite(y[i]));
       if (places.includes(s))
         plot.dot(
           x[s],
@@ -136,9 +136,9 @@ TC.part = {
         );
       plot.svg.style.cursor = "pointer";
       plot.svg.addEventListener("click", (e) => {
-        const box = plot.svg.getBoundingClientRect(),
-          far = (i) =>
-            Math.hypot(plot.px(x[i]) - e.clientX + box.left, plot.py(y[i]) - e.clientY + box.top);
+        const box = plot.svg.getBoundingClientRect();
+        const far = (i) =>
+          Math.hypot(plot.px(x[i]) - e.clientX + box.left, plot.py(y[i]) - e.clientY + box.top);
         TC.set({ step: places.reduce((best, i) => (far(i) < far(best) ? i : best), places[0]) });
       });
     }
@@ -159,14 +159,14 @@ TC.part = {
   },
 
   sheet(p, width) {
-    const s = TC.state,
-      short = TC.short,
-      rows = [...p.columns[0].v.keys()],
-      numeric = p.columns.filter((c) => typeof c.v[0] === "number");
+    const s = TC.state;
+    const short = TC.short;
+    const rows = [...p.columns[0].v.keys()];
+    const numeric = p.columns.filter((c) => typeof c.v[0] === "number");
     const columns = p.columns.map((c, k) => {
       // more than seven do not fit on paper
-      const number = numeric.includes(c),
-        scale = number ? TC.scale(c.v, c.units) : { by: 1, unit: "" };
+      const number = numeric.includes(c);
+      const scale = number ? TC.scale(c.v, c.units) : { by: 1, unit: "" };
       return {
         minor: k > 6,
         title: TC.titled(short(c), scale),
@@ -180,9 +180,14 @@ TC.part = {
       };
     });
     const states = p.states
-        ? { chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) }
-        : {},
-      t = TC.table({ columns, rows, ...TC.sorting(`${p.file}_by`, `${p.file}_down`), ...states });
+      ? { chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) }
+      : {};
+    const t = TC.table({
+      columns,
+      rows,
+      ...TC.sorting(`${p.file}_by`, `${p.file}_down`),
+      ...states,
+    });
     const button = TC.el(
       "button",
       {
@@ -206,17 +211,17 @@ TC.part = {
   },
   // Any column of a sheet over any other.
   chart(p, numeric, columns, width) {
-    const short = TC.short,
-      [x, y] = [0, 1].map(
-        (k) =>
-          numeric.find((c) => c.name === TC.state["xy"[k] + "of"]) ||
-          numeric.find((c) => c.name === p.chart[k]),
-      );
-    const scales = [x, y].map((c) => columns.find((o) => o.name === c.name).scale),
-      drawn = [x, y].map((c, k) => Array.from(c.v, (v) => v / scales[k].by)),
-      options = numeric.map((c) => [c.name, c.title]);
-    const items = [{ kind: "line", x: drawn[0], y: drawn[1], colour: "var(--c1)", width: 1.8 }],
-      labels = [x, y].map((c, k) => TC.titled(short(c), scales[k]));
+    const short = TC.short;
+    const [x, y] = [0, 1].map(
+      (k) =>
+        numeric.find((c) => c.name === TC.state["xy"[k] + "of"]) ||
+        numeric.find((c) => c.name === p.chart[k]),
+    );
+    const scales = [x, y].map((c) => columns.find((o) => o.name === c.name).scale);
+    const drawn = [x, y].map((c, k) => Array.from(c.v, (v) => v / scales[k].by));
+    const options = numeric.map((c) => [c.name, c.title]);
+    const items = [{ kind: "line", x: drawn[0], y: drawn[1], colour: "var(--c1)", width: 1.8 }];
+    const labels = [x, y].map((c, k) => TC.titled(short(c), scales[k]));
     return TC.el(
       "div",
       {},
@@ -242,17 +247,17 @@ TC.part = {
   },
 
   line(p, width) {
-    const line = { ...p.line, moves: p.moves },
-      m = line.x.length,
-      k = TC.state.step,
-      host = TC.el("div"),
-      one = {
-        line,
-        u: TC.row(line.u_T, k),
-        xi: TC.row(line.xi, k),
-        N: line.N && TC.row(line.N, k),
-        state: p.state.subarray(k * m, (k + 1) * m),
-      };
+    const line = { ...p.line, moves: p.moves };
+    const m = line.x.length;
+    const k = TC.state.step;
+    const host = TC.el("div");
+    const one = {
+      line,
+      u: TC.row(line.u_T, k),
+      xi: TC.row(line.xi, k),
+      N: line.N && TC.row(line.N, k),
+      state: p.state.subarray(k * m, (k + 1) * m),
+    };
     TC.point.profiles(host, line, [one], { ...TC.point.frame(line, width), shape: false }, "");
     if (p.law)
       host.append(
@@ -264,8 +269,8 @@ TC.part = {
 
 // The look of an item, by matplotlib's names, as attributes of SVG; what is one already stays.
 TC.looks = function (i) {
-  const dash = i.linestyle ?? "-",
-    open = i.fillstyle === "none" || ["white", "none"].includes(i.markerfacecolor);
+  const dash = i.linestyle ?? "-";
+  const open = i.fillstyle === "none" || ["white", "none"].includes(i.markerfacecolor);
   return {
     colour: i.color,
     width: i.linewidth && 1.5 * i.linewidth,
@@ -301,17 +306,17 @@ TC.look = (i) => ({
 // What a panel has, each kind in its own way; key: entries by label.
 TC.draw_item = {
   line(plot, i, key) {
-    const joined = i.dash !== "none",
-      mark =
-        i.mark &&
-        ((x, y) =>
-          TC.marker(TC.MARKS[i.mark], x, y, i.size, {
-            fill: i.open ? "var(--bg)" : i.colour,
-            stroke: i.colour,
-            "stroke-width": 1.4,
-            opacity: i.alpha,
-            class: "mark",
-          }));
+    const joined = i.dash !== "none";
+    const mark =
+      i.mark &&
+      ((x, y) =>
+        TC.marker(TC.MARKS[i.mark], x, y, i.size, {
+          fill: i.open ? "var(--bg)" : i.colour,
+          stroke: i.colour,
+          "stroke-width": 1.4,
+          opacity: i.alpha,
+          class: "mark",
+        }));
     if (joined) plot.line(i.x, i.y, TC.look(i));
     const every = Math.ceil(i.x.length / 2000);
     if (mark)
@@ -387,10 +392,10 @@ TC.draw_item = {
       style: i.colour ? `fill:${i.colour}` : "",
     }),
   arrow(plot, i) {
-    const [a, b] = [0, 1].map((k) => [plot.px(i.x[k]), plot.py(i.y[k])]),
-      far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1,
-      [c, s] = [(b[0] - a[0]) / far, (b[1] - a[1]) / far],
-      at = (back, side) => `${b[0] - back * c - side * s},${b[1] - back * s + side * c}`;
+    const [a, b] = [0, 1].map((k) => [plot.px(i.x[k]), plot.py(i.y[k])]);
+    const far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
+    const [c, s] = [(b[0] - a[0]) / far, (b[1] - a[1]) / far];
+    const at = (back, side) => `${b[0] - back * c - side * s},${b[1] - back * s + side * c}`;
     plot.inner.append(
       TC.svgNode("line", {
         x1: a[0],
@@ -405,9 +410,9 @@ TC.draw_item = {
   },
   // Each name once, where no other name nor the edge is in the way and as few lines and other dots as can be.
   names(plot, i, key, items) {
-    const taken = [],
-      at = (o, k) => [plot.px(o.x[k]), plot.py(o.y[k])],
-      curve = [];
+    const taken = [];
+    const at = (o, k) => [plot.px(o.x[k]), plot.py(o.y[k])];
+    const curve = [];
     for (const o of items)
       if (o.kind === "line" && o.dash !== "none")
         for (let k = 1; k < o.x.length; k++) {
@@ -415,14 +420,14 @@ TC.draw_item = {
           for (let t = 0; t < 40; t++)
             curve.push([a[0] + (t / 40) * (b[0] - a[0]), a[1] + (t / 40) * (b[1] - a[1])]);
         }
-    const dots = i.texts.map((_, k) => at(i, k)),
-      within = (list, x, y, w, h) =>
-        list.filter((o) => Math.abs(o[0] - x) < w && Math.abs(o[1] - y) < h).length;
+    const dots = i.texts.map((_, k) => at(i, k));
+    const within = (list, x, y, w, h) =>
+      list.filter((o) => Math.abs(o[0] - x) < w && Math.abs(o[1] - y) < h).length;
     i.texts.slice(0, 60).forEach((name, k) => {
       if (taken.some((t) => t.name === name)) return;
-      const [px, py] = dots[k],
-        half = 3.3 * name.length,
-        others = dots.filter((o) => Math.hypot(o[0] - px, o[1] - py) > 8);
+      const [px, py] = dots[k];
+      const half = 3.3 * name.length;
+      const others = dots.filter((o) => Math.hypot(o[0] - px, o[1] - py) > 8);
       const free = [
         [1, -10],
         [-1, -10],
@@ -451,12 +456,12 @@ TC.draw_item = {
   },
   // Neighbours of one kind in a column are one shape, and all of a kind one path.
   cells(plot, i, key) {
-    const [n, m] = i.kinds.shape,
-      paths = i.colours.map(() => "");
+    const [n, m] = i.kinds.shape;
+    const paths = i.colours.map(() => "");
     for (let c = 0; c < n; c++)
       for (let r = 0; r < m;) {
-        const kind = i.kinds[c * m + r],
-          from = r;
+        const kind = i.kinds[c * m + r];
+        const from = r;
         while (r < m && i.kinds[c * m + r] === kind) r++;
         if (kind >= 0)
           paths[kind] +=

@@ -3,8 +3,8 @@
 TC.STATES = ["--body", "--c6", "--c5", "--c2", "--c4"];
 TC.MOVES = ["--body", "--c6", "--c5", "--c2"]; // of a step of a history
 TC.stateOf = (line, k) => {
-  const words = line.moves || TC.data.states,
-    colours = line.moves ? TC.MOVES : TC.STATES;
+  const words = line.moves || TC.data.states;
+  const colours = line.moves ? TC.MOVES : TC.STATES;
   return { name: words[k] || "not known", colour: k >= 0 ? `var(${colours[k]})` : "none" };
 };
 TC.ROLES = {
@@ -52,14 +52,14 @@ TC.point = {
     return lines[String(level)] || lines[Object.keys(lines).sort((a, b) => b - a)[0]];
   },
   draw(host) {
-    const s = TC.state,
-      p = TC.run.flat(s.at),
-      level = s.level,
-      d = TC.point.home(p);
-    const r = TC.data.run,
-      line = TC.point.line(p, level),
-      proof = TC.run.proof(p, level),
-      reason = r.reasons[r.reason[p * r.nlevels + level]];
+    const s = TC.state;
+    const p = TC.run.flat(s.at);
+    const level = s.level;
+    const d = TC.point.home(p);
+    const r = TC.data.run;
+    const line = TC.point.line(p, level);
+    const proof = TC.run.proof(p, level);
+    const reason = r.reasons[r.reason[p * r.nlevels + level]];
     const head = TC.el(
       "p",
       {},
@@ -124,17 +124,17 @@ TC.point = {
           )
         : null,
     );
-    const left = (TC.point.left = TC.panel()),
-      right = TC.panel(),
-      vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
+    const left = (TC.point.left = TC.panel());
+    const right = TC.panel();
+    const vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
     TC.fill(host, head, buttons, TC.el("div", { class: "columns wide" }, left, right));
     const frame = line && TC.point.frame(line, TC.width(left));
     if (frame && frame.shape) TC.point.bodyPanel(left, p, line, frame);
     if (line && (proof !== "failed" || Number.isFinite(TC.row(line.u_T, TC.point.own(p))[0]))) {
       const cases = [p, vs]
-          .filter((k) => k !== null && TC.point.line(k, level))
-          .map((k) => TC.point.contact(TC.point.line(k, level), k)),
-        shown = TC.point.equilibrium(line, p);
+        .filter((k) => k !== null && TC.point.line(k, level))
+        .map((k) => TC.point.contact(TC.point.line(k, level), k));
+      const shown = TC.point.equilibrium(line, p);
       if (shown !== null) cases[0] = { ...cases[0], ...TC.point.state(line, shown) };
       TC.point.profiles(
         left,
@@ -154,8 +154,8 @@ TC.point = {
   },
   // Slip, friction and state at every contact node of a point, with the line that they are on.
   contact(line, p) {
-    const q = TC.point.own(p),
-      m = line.x.length;
+    const q = TC.point.own(p);
+    const m = line.x.length;
     return {
       line,
       u: TC.row(line.u_T, q),
@@ -168,14 +168,14 @@ TC.point = {
   // Of points whose equilibria are all stored: the number of the one chosen among those of the line, null for the solution.
   equilibrium(line, p) {
     if (!line.every) return null;
-    const q = TC.point.own(p),
-      first = line.every.first[q],
-      k = Number(TC.state.eq) || 0;
+    const q = TC.point.own(p);
+    const first = line.every.first[q];
+    const k = Number(TC.state.eq) || 0;
     return k < line.every.first[q + 1] - first ? first + k : null;
   },
   state(line, k) {
-    const m = line.x.length,
-      e = line.every;
+    const m = line.x.length;
+    const e = line.every;
     return {
       u: TC.row(e.u_T, k),
       xi: TC.row(e.xi, k),
@@ -184,13 +184,13 @@ TC.point = {
     };
   },
   equilibria(host, line, p) {
-    const q = TC.point.own(p),
-      e = line.every,
-      first = e.first[q],
-      count = e.first[q + 1] - first,
-      all = TC.run.flag("complete", p, TC.state.level),
-      units = TC.data.run.numbers.energy.units,
-      chosen = TC.point.equilibrium(line, p);
+    const q = TC.point.own(p);
+    const e = line.every;
+    const first = e.first[q];
+    const count = e.first[q + 1] - first;
+    const all = TC.run.flag("complete", p, TC.state.level);
+    const units = TC.data.run.numbers.energy.units;
+    const chosen = TC.point.equilibrium(line, p);
     const told =
       all === 1
         ? `${count} of ${count} equilibria, proved`
@@ -233,9 +233,9 @@ TC.point = {
     line.of_law ? TC.row(line.strengths, line.strength_of[TC.point.own(p)]) : null,
   // Where things stand: drawn body in pixels, and whether the contact line runs along x so that all share one axis.
   frame(line, width) {
-    const d = TC.point.here,
-      xs = [],
-      ys = [];
+    const d = TC.point.here;
+    const xs = [];
+    const ys = [];
     for (const e of d.outline || [])
       for (const [x, y] of e.line) {
         xs.push(x);
@@ -245,15 +245,15 @@ TC.point = {
       xs.push(...TC.range(d.body.x));
       ys.push(...TC.range(d.body.y));
     }
-    const shape = xs.length > 0,
-      [y0, y1] = TC.range(line.y),
-      bx = shape ? TC.range(xs) : TC.range(line.x),
-      by = shape ? TC.range(ys) : [y0, y1];
-    const along = y1 - y0 <= 1e-9 * (bx[1] - bx[0]),
-      margin = { left: 66, right: 100 };
-    const wide = width - margin.left - margin.right,
-      per = Math.max((bx[1] - bx[0]) / wide, (by[1] - by[0]) / 340),
-      scale = TC.scale(bx, line.u_T_units);
+    const shape = xs.length > 0;
+    const [y0, y1] = TC.range(line.y);
+    const bx = shape ? TC.range(xs) : TC.range(line.x);
+    const by = shape ? TC.range(ys) : [y0, y1];
+    const along = y1 - y0 <= 1e-9 * (bx[1] - bx[0]);
+    const margin = { left: 66, right: 100 };
+    const wide = width - margin.left - margin.right;
+    const per = Math.max((bx[1] - bx[0]) / wide, (by[1] - by[0]) / 340);
+    const scale = TC.scale(bx, line.u_T_units);
     const used = (bx[1] - bx[0]) / per;
     return {
       shape,
@@ -270,21 +270,21 @@ TC.point = {
     };
   },
   bodyPanel(host, p, line, frame) {
-    const extra = 26,
-      width = frame.width,
-      height = Math.ceil(frame.high + 2 * frame.top + extra),
-      d = TC.point.here;
+    const extra = 26;
+    const width = frame.width;
+    const height = Math.ceil(frame.high + 2 * frame.top + extra);
+    const d = TC.point.here;
     const canvas = TC.el("canvas", {
-        style: `width:${width}px;height:${height}px`,
-        role: "img",
-        "aria-label": "the body",
-      }),
-      svg = TC.svgNode("svg", {
-        width,
-        height,
-        role: "img",
-        "aria-label": "the body with the roles of its edges",
-      });
+      style: `width:${width}px;height:${height}px`,
+      role: "img",
+      "aria-label": "the body",
+    });
+    const svg = TC.svgNode("svg", {
+      width,
+      height,
+      role: "img",
+      "aria-label": "the body with the roles of its edges",
+    });
     const ratio = Math.min(3, window.devicePixelRatio || 1);
     canvas.width = width * ratio;
     canvas.height = height * ratio;
@@ -334,11 +334,11 @@ TC.point = {
     ];
   },
   body(p) {
-    const { canvas, svg, frame, line, ratio } = TC.point.panel,
-      b = TC.point.here.body,
-      g = canvas.getContext("2d");
-    const factor = b && TC.run.flag("status", p, b.level) === 1 ? b.factor * TC.state.deform : 0,
-      text = document.getElementById("deform-text");
+    const { canvas, svg, frame, line, ratio } = TC.point.panel;
+    const b = TC.point.here.body;
+    const g = canvas.getContext("2d");
+    const factor = b && TC.run.flag("status", p, b.level) === 1 ? b.factor * TC.state.deform : 0;
+    const text = document.getElementById("deform-text");
     if (text) text.textContent = `× ${TC.number(factor, 2)}`;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, canvas.width, canvas.height);
@@ -349,12 +349,12 @@ TC.point = {
     svg.replaceChildren(...over);
   },
   fillBody(g, p, factor, frame, over) {
-    const b = TC.point.here.body,
-      n = b.x.length,
-      ux = TC.field(b.u_x, TC.point.own(p)),
-      uy = TC.field(b.u_y, TC.point.own(p)),
-      X = new Float64Array(n),
-      Y = new Float64Array(n);
+    const b = TC.point.here.body;
+    const n = b.x.length;
+    const ux = TC.field(b.u_x, TC.point.own(p));
+    const uy = TC.field(b.u_y, TC.point.own(p));
+    const X = new Float64Array(n);
+    const Y = new Float64Array(n);
     for (let i = 0; i < n; i++)
       [X[i], Y[i]] = TC.point.toPx(frame, b.x[i] + factor * ux[i], b.y[i] + factor * uy[i]);
     const solved = TC.run.flag("status", p, b.level) === 1; // a failed point has no fields
@@ -366,12 +366,12 @@ TC.point = {
           "no solution, so neither temperature nor deformation",
         ),
       );
-    const theta = b.theta && solved ? TC.field(b.theta, TC.point.own(p)) : null,
-      [lo, hi] = theta ? TC.range(theta) : [0, 0],
-      even = !theta || hi - lo <= 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
-    const style = getComputedStyle(document.documentElement),
-      levels = even ? [] : TC.ticks(lo, hi, 11),
-      colour = (t) => TC.css(TC.colour(t, TC.HEAT));
+    const theta = b.theta && solved ? TC.field(b.theta, TC.point.own(p)) : null;
+    const [lo, hi] = theta ? TC.range(theta) : [0, 0];
+    const even = !theta || hi - lo <= 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
+    const style = getComputedStyle(document.documentElement);
+    const levels = even ? [] : TC.ticks(lo, hi, 11);
+    const colour = (t) => TC.css(TC.colour(t, TC.HEAT));
     const tri = b.triangle;
     if (even) {
       g.fillStyle = theta ? colour(0.3) : style.getPropertyValue("--body");
@@ -387,17 +387,17 @@ TC.point = {
       g.fill();
       g.stroke();
     } else {
-      const step = levels[1] - levels[0],
-        first = Math.floor(lo / step) * step,
-        count = Math.max(1, Math.ceil((hi - first) / step - 1e-9));
+      const step = levels[1] - levels[0];
+      const first = Math.floor(lo / step) * step;
+      const count = Math.max(1, Math.ceil((hi - first) / step - 1e-9));
       const bands = [...Array(count)].map(() => []);
       for (let t = 0; t < tri.length; t += 3) {
         const corners = [0, 1, 2].map((k) => {
           const i = tri[t + k];
           return [X[i], Y[i], (theta[i] - first) / step];
         });
-        const a = Math.max(0, Math.floor(Math.min(...corners.map((c) => c[2])))),
-          z = Math.min(count - 1, Math.floor(Math.max(...corners.map((c) => c[2]))));
+        const a = Math.max(0, Math.floor(Math.min(...corners.map((c) => c[2]))));
+        const z = Math.min(count - 1, Math.floor(Math.max(...corners.map((c) => c[2]))));
         for (let k = a; k <= z; k++) {
           const poly = a === z ? corners : TC.point.clip(TC.point.clip(corners, k, 1), k + 1, -1);
           if (poly.length > 2) bands[k].push(poly);
@@ -432,8 +432,8 @@ TC.point = {
           { fill: "none", stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "4 3" },
         ),
       );
-    const edges = b.boundary,
-      byRole = {};
+    const edges = b.boundary;
+    const byRole = {};
     for (let k = 0; k < edges.length / 2; k++) {
       const known =
         TC.point.here.outline && b.edge[k] >= 0 ? TC.point.here.outline[b.edge[k]].role : "free";
@@ -459,10 +459,10 @@ TC.point = {
   clip(poly, bound, sign) {
     const out = [];
     for (let i = 0; i < poly.length; i++) {
-      const a = poly[i],
-        b = poly[(i + 1) % poly.length],
-        da = sign * (a[2] - bound),
-        db = sign * (b[2] - bound);
+      const a = poly[i];
+      const b = poly[(i + 1) % poly.length];
+      const da = sign * (a[2] - bound);
+      const db = sign * (b[2] - bound);
       if (da >= 0) out.push(a);
       if (da * db < 0) {
         const t = da / (da - db);
@@ -472,12 +472,12 @@ TC.point = {
     return out;
   },
   heatBar(over, frame, first, step, count, colour) {
-    const x = Math.min(frame.width - 44, frame.margin.left + frame.used + 54),
-      h = Math.min(frame.high, 220),
-      y0 = frame.top + (frame.high - h) / 2,
-      each = h / count,
-      text = TC.tickText([...Array(count + 1)].map((_, k) => first + k * step)),
-      every = Math.max(1, Math.ceil(14 / each));
+    const x = Math.min(frame.width - 44, frame.margin.left + frame.used + 54);
+    const h = Math.min(frame.high, 220);
+    const y0 = frame.top + (frame.high - h) / 2;
+    const each = h / count;
+    const text = TC.tickText([...Array(count + 1)].map((_, k) => first + k * step));
+    const every = Math.max(1, Math.ceil(14 / each));
     for (let k = 0; k < count; k++)
       over.push(
         TC.svgNode("rect", {
@@ -534,13 +534,13 @@ TC.point = {
   },
   // Where the middle of a named edge goes with the deformation, in pixels.
   moved(p, factor) {
-    const b = TC.point.here.body,
-      ux = TC.field(b.u_x, TC.point.own(p)),
-      uy = TC.field(b.u_y, TC.point.own(p)),
-      frame = TC.point.panel.frame;
+    const b = TC.point.here.body;
+    const ux = TC.field(b.u_x, TC.point.own(p));
+    const uy = TC.field(b.u_y, TC.point.own(p));
+    const frame = TC.point.panel.frame;
     return (x, y) => {
-      let best = 0,
-        least = Infinity;
+      let best = 0;
+      let least = Infinity;
       for (const i of b.boundary) {
         const far = (b.x[i] - x) ** 2 + (b.y[i] - y) ** 2;
         if (far < least) {
@@ -553,32 +553,32 @@ TC.point = {
   },
   // Names of edges, each once, outside its longest piece.
   names(over, frame, moved) {
-    const longest = new Map(),
-      size = (e) =>
-        e.line
-          .slice(1)
-          .reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
+    const longest = new Map();
+    const size = (e) =>
+      e.line
+        .slice(1)
+        .reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
     for (const e of TC.point.here.outline || []) {
       const known = longest.get(e.name);
       if (!known || size(e) > size(known)) longest.set(e.name, e);
     }
     for (const e of longest.values()) {
-      const k = Math.floor((e.line.length - 1) / 2),
-        a = e.line[k],
-        b = e.line[k + 1],
-        [ax, ay] = TC.point.toPx(frame, ...a),
-        [bx, by] = TC.point.toPx(frame, ...b),
-        len = Math.hypot(bx - ax, by - ay) || 1;
-      const nx = -(by - ay) / len,
-        ny = (bx - ax) / len; // outward for a counter-clockwise outline, y downwards on the screen
+      const k = Math.floor((e.line.length - 1) / 2);
+      const a = e.line[k];
+      const b = e.line[k + 1];
+      const [ax, ay] = TC.point.toPx(frame, ...a);
+      const [bx, by] = TC.point.toPx(frame, ...b);
+      const len = Math.hypot(bx - ax, by - ay) || 1;
+      const nx = -(by - ay) / len;
+      const ny = (bx - ax) / len; // outward for a counter-clockwise outline, y downwards on the screen
       if (e.loop) {
         // a hole's name stands inside the hole
         const all = TC.point.here.outline
-            .filter((o) => o.loop === e.loop)
-            .flatMap((o) => o.line)
-            .map(([x, y]) => TC.point.toPx(frame, x, y)),
-          [x0, x1] = TC.range(all.map((q) => q[0])),
-          [y0, y1] = TC.range(all.map((q) => q[1]));
+          .filter((o) => o.loop === e.loop)
+          .flatMap((o) => o.line)
+          .map(([x, y]) => TC.point.toPx(frame, x, y));
+        const [x0, x1] = TC.range(all.map((q) => q[0]));
+        const [y0, y1] = TC.range(all.map((q) => q[1]));
         if (x1 - x0 > 8 * e.name.length)
           over.push(
             TC.svgNode(
@@ -589,12 +589,12 @@ TC.point = {
           );
         continue;
       }
-      const middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
-        [ux, uy] = moved ? moved(...middle) : [(ax + bx) / 2, (ay + by) / 2],
-        still = [(ax + bx) / 2, (ay + by) / 2];
-      const out = Math.max(0, (ux - still[0]) * nx + (uy - still[1]) * ny),
-        x = still[0] + (13 + out) * nx,
-        y = still[1] + (13 + out) * ny;
+      const middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+      const [ux, uy] = moved ? moved(...middle) : [(ax + bx) / 2, (ay + by) / 2];
+      const still = [(ax + bx) / 2, (ay + by) / 2];
+      const out = Math.max(0, (ux - still[0]) * nx + (uy - still[1]) * ny);
+      const x = still[0] + (13 + out) * nx;
+      const y = still[1] + (13 + out) * ny;
       over.push(
         TC.svgNode(
           "text",
@@ -616,71 +616,71 @@ TC.point = {
     ["N", "section force", "section force N", "N_units", "var(--c3)"],
   ],
   profiles(host, line, cases, frame, note) {
-    const width = frame.width,
-      by = frame.scale.by,
-      whole = frame.along && frame.shape,
-      margin = {
-        left: frame.margin.left,
-        right: whole ? width - frame.margin.left - frame.used : 20,
-      };
+    const width = frame.width;
+    const by = frame.scale.by;
+    const whole = frame.along && frame.shape;
+    const margin = {
+      left: frame.margin.left,
+      right: whole ? width - frame.margin.left - frame.used : 20,
+    };
     const sense = (on, part) =>
-        frame.along && part.b - part.a > 1 && on.x[part.b - 1] < on.x[part.a] ? -1 : 1,
-      start = (on, i) => (frame.along ? on.x : on.arclength)[i] / by;
+      frame.along && part.b - part.a > 1 && on.x[part.b - 1] < on.x[part.a] ? -1 : 1;
+    const start = (on, i) => (frame.along ? on.x : on.arclength)[i] / by;
     const place = (on, part, s) =>
       start(on, part.a) + (sense(on, part) * (s - on.arclength[part.a])) / by;
     const ends = cases.flatMap(({ line: on }) =>
-        on.parts.flatMap((part) => [
-          place(on, part, part.cells[0]),
-          place(on, part, part.cells[part.cells.length - 1]),
-        ]),
-      ),
-      x = TC.range([...(whole ? frame.bx.map((v) => v / by) : []), ...ends]);
-    const rows = TC.point.ALONG.filter(([key]) => cases[0][key]),
-      plots = rows.map(([key, word, title, units, stroke], k) => {
-        const last = k === rows.length - 1,
-          values = cases.flatMap((c) =>
-            TC.range([...(c[key] || []), ...(key === "u" && c.held ? c.held : [])], []),
-          ),
-          scale = TC.scale(values, line[units]),
-          y = TC.pad(TC.range([0, ...values.map((v) => v / scale.by)]));
-        const room = { ...margin, top: k ? 8 : 20, bottom: last ? 46 : 8 };
-        return {
-          key,
-          word,
-          scale,
-          stroke,
-          plot: new TC.Plot({
-            width,
-            height: 150 + room.top + room.bottom,
-            x,
-            y,
-            xlabel: last
-              ? TC.titled(frame.along ? "x" : "arc length along the contact line", frame.scale)
-              : "",
-            ylabel: TC.titled(title, scale),
-            margin: room,
-            xnone: !last,
-            label: `${word} along the contact line`,
-          }),
-        };
-      });
+      on.parts.flatMap((part) => [
+        place(on, part, part.cells[0]),
+        place(on, part, part.cells[part.cells.length - 1]),
+      ]),
+    );
+    const x = TC.range([...(whole ? frame.bx.map((v) => v / by) : []), ...ends]);
+    const rows = TC.point.ALONG.filter(([key]) => cases[0][key]);
+    const plots = rows.map(([key, word, title, units, stroke], k) => {
+      const last = k === rows.length - 1;
+      const values = cases.flatMap((c) =>
+        TC.range([...(c[key] || []), ...(key === "u" && c.held ? c.held : [])], []),
+      );
+      const scale = TC.scale(values, line[units]);
+      const y = TC.pad(TC.range([0, ...values.map((v) => v / scale.by)]));
+      const room = { ...margin, top: k ? 8 : 20, bottom: last ? 46 : 8 };
+      return {
+        key,
+        word,
+        scale,
+        stroke,
+        plot: new TC.Plot({
+          width,
+          height: 150 + room.top + room.bottom,
+          x,
+          y,
+          xlabel: last
+            ? TC.titled(frame.along ? "x" : "arc length along the contact line", frame.scale)
+            : "",
+          ylabel: TC.titled(title, scale),
+          margin: room,
+          xnone: !last,
+          label: `${word} along the contact line`,
+        }),
+      };
+    });
     cases.forEach((c, k) => {
-      const on = c.line,
-        dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
+      const on = c.line;
+      const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
       for (const part of on.parts) {
-        const nodes = [...Array(part.b - part.a).keys()].map((i) => part.a + i),
-          edges = Array.from(part.cells, (s) => place(on, part, s)),
-          [a, b] = [edges[0], edges[edges.length - 1]],
-          slip = [0, 1].map((e) => TC.point.heldSlip(c, part, e));
+        const nodes = [...Array(part.b - part.a).keys()].map((i) => part.a + i);
+        const edges = Array.from(part.cells, (s) => place(on, part, s));
+        const [a, b] = [edges[0], edges[edges.length - 1]];
+        const slip = [0, 1].map((e) => TC.point.heldSlip(c, part, e));
         if (part.closed) {
           edges[0] = start(on, part.a);
           edges.push(edges[0] + b - a);
         }
         for (const { key, scale, stroke, plot } of plots)
           if (c[key]) {
-            const at = nodes.map((i) => start(on, i)),
-              values = nodes.map((i) => c[key][i] / scale.by),
-              look = { stroke, "stroke-width": 2, ...dash };
+            const at = nodes.map((i) => start(on, i));
+            const values = nodes.map((i) => c[key][i] / scale.by);
+            const look = { stroke, "stroke-width": 2, ...dash };
             if (part.closed) {
               at.push(b);
               values.push(values[0]);
@@ -715,8 +715,8 @@ TC.point = {
         for (const { key, scale, plot } of plots)
           for (const e of [0, 1])
             if (part.held[e]) {
-              const px = plot.px([a, b][e]),
-                py = plot.py(key === "u" && Number.isFinite(slip[e]) ? slip[e] / scale.by : 0);
+              const px = plot.px([a, b][e]);
+              const py = plot.py(key === "u" && Number.isFinite(slip[e]) ? slip[e] / scale.by : 0);
               plot.over.append(
                 TC.svgNode(
                   "path",
@@ -732,8 +732,8 @@ TC.point = {
             }
       }
     });
-    const shares = TC.STATES.map(() => 0),
-      total = line.c.reduce((a, b) => a + b, 0);
+    const shares = TC.STATES.map(() => 0);
+    const total = line.c.reduce((a, b) => a + b, 0);
     for (let i = 0; i < line.c.length; i++) shares[cases[0].state[i]] += line.c[i] / total;
     const key = TC.legend(
       ...shares.map((part, k) => {
@@ -766,9 +766,9 @@ TC.point = {
         }),
       ),
     );
-    const first = plots[0].plot,
-      text = first.text(first.right, 30, "", { "text-anchor": "end", visibility: "hidden" }),
-      seen = (word) => [...marks, text].forEach((one) => one.setAttribute("visibility", word));
+    const first = plots[0].plot;
+    const text = first.text(first.right, 30, "", { "text-anchor": "end", visibility: "hidden" });
+    const seen = (word) => [...marks, text].forEach((one) => one.setAttribute("visibility", word));
     for (const { plot } of plots) {
       plot.svg.addEventListener("pointermove", (e) => {
         const v = plot.ix(e.clientX - plot.svg.getBoundingClientRect().left);
@@ -785,23 +785,23 @@ TC.point = {
   },
   // The law f b(s / g) with the place of every node on it.
   lawPlot(width, title, data, cases, line, f = 1, g = 1) {
-    const law = new TC.Law(data.pieces, f, g),
-      us = cases.flatMap((c) => TC.range(c.u)),
-      widest = Math.max(...us.map(Math.abs), 0),
-      all = [...us, 0],
-      most = data.reach * g,
-      reach = most > 0 ? Math.min(most, Math.max(3 * widest, 0.2 * most)) : widest || 1;
-    const both = Math.min(...all) < -0.02 * widest,
-      lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all),
-      hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all),
-      [x0, x1] = TC.pad([lo, hi], 0.02);
-    const within = [...law.kinks.keys()].filter((k) => law.kinks[k] > x0 && law.kinks[k] < x1),
-      ends = [x0, ...within.map((k) => law.kinks[k]), x1];
+    const law = new TC.Law(data.pieces, f, g);
+    const us = cases.flatMap((c) => TC.range(c.u));
+    const widest = Math.max(...us.map(Math.abs), 0);
+    const all = [...us, 0];
+    const most = data.reach * g;
+    const reach = most > 0 ? Math.min(most, Math.max(3 * widest, 0.2 * most)) : widest || 1;
+    const both = Math.min(...all) < -0.02 * widest;
+    const lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all);
+    const hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all);
+    const [x0, x1] = TC.pad([lo, hi], 0.02);
+    const within = [...law.kinks.keys()].filter((k) => law.kinks[k] > x0 && law.kinks[k] < x1);
+    const ends = [x0, ...within.map((k) => law.kinks[k]), x1];
     const curves = ends.slice(1).map((to, i) => {
-      const from = ends[i],
-        k = law.piece(0.5 * (from + to), 1),
-        n = law.a[k] === 0 ? 1 : 60,
-        s = [...Array(n + 1).keys()].map((j) => from + ((to - from) * j) / n);
+      const from = ends[i];
+      const k = law.piece(0.5 * (from + to), 1);
+      const n = law.a[k] === 0 ? 1 : 60;
+      const s = [...Array(n + 1).keys()].map((j) => from + ((to - from) * j) / n);
       return [s, s.map((v) => law.value(v, k))];
     });
     const bs = [
@@ -809,15 +809,18 @@ TC.point = {
       ...curves.flatMap(([, b]) => TC.range(b)),
       ...cases.flatMap((c) => TC.range(c.xi)),
     ];
-    const u = TC.scale([lo, hi], line.u_T_units),
-      y = TC.scale(bs, line.xi_units),
-      put = (s, b) => ({ x: Array.from(s, (v) => v / u.by), y: Array.from(b, (v) => v / y.by) }),
-      items = curves.map(([s, b]) => ({
-        kind: "line",
-        ...put(s, b),
-        colour: "var(--ink)",
-        width: 1.6,
-      }));
+    const u = TC.scale([lo, hi], line.u_T_units);
+    const y = TC.scale(bs, line.xi_units);
+    const put = (s, b) => ({
+      x: Array.from(s, (v) => v / u.by),
+      y: Array.from(b, (v) => v / y.by),
+    });
+    const items = curves.map(([s, b]) => ({
+      kind: "line",
+      ...put(s, b),
+      colour: "var(--ink)",
+      width: 1.6,
+    }));
     for (const k of within.filter((i) => law.kind[i] !== 0)) {
       const up = law.kind[k] > 0;
       items.push({
@@ -852,9 +855,9 @@ TC.point = {
     );
   },
   law(host, line, cases, p, vs) {
-    const laws = TC.point.lawsOf(p),
-      strength = TC.point.strength(line, p),
-      units = line.xi_units === "1" ? "1" : "Pa m-1";
+    const laws = TC.point.lawsOf(p);
+    const strength = TC.point.strength(line, p);
+    const units = line.xi_units === "1" ? "1" : "Pa m-1";
     if (!laws[0]) {
       host.append(
         TC.h3("Friction law"),
@@ -869,11 +872,11 @@ TC.point = {
         vs !== null && TC.point.lawsOf(vs)[k] !== law
           ? " (the compared point has another law; its places are drawn all the same)"
           : "";
-      const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "",
-        scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
+      const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "";
+      const scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
       const omega =
-          law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units),
-        own = strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases;
+        law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units);
+      const own = strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases;
       host.append(
         TC.point.lawPlot(
           TC.width(host),
@@ -890,27 +893,27 @@ TC.point = {
   },
   // The nodes of one edge's law, without gaps in the bond, ξ as the law has it.
   onEdge(c, strength, k) {
-    const own = [...c.u.keys()].filter((i) => c.line.of_law[i] === k && strength[i] > 0),
-      pick = (values) => own.map((i) => values[i]);
+    const own = [...c.u.keys()].filter((i) => c.line.of_law[i] === k && strength[i] > 0);
+    const pick = (values) => own.map((i) => values[i]);
     return { u: pick(c.u), xi: own.map((i) => c.xi[i] / strength[i]), state: pick(c.state) };
   },
   energies(host, p, level) {
-    const r = TC.data.run,
-      e = TC.run.energies(p, level),
-      found = e
-        .map((v, k) => ({ v, name: r.starts[k], used: TC.run.flag("start_used", p, level) === k }))
-        .filter((o) => Number.isFinite(o.v));
+    const r = TC.data.run;
+    const e = TC.run.energies(p, level);
+    const found = e
+      .map((v, k) => ({ v, name: r.starts[k], used: TC.run.flag("start_used", p, level) === k }))
+      .filter((o) => Number.isFinite(o.v));
     if (!found.length) return;
-    const least = Math.min(...found.map((o) => o.v)),
-      size = Math.max(...found.map((o) => Math.abs(o.v))) || 1,
-      units = r.numbers.energy ? r.numbers.energy.units : "1";
-    const told = (gap) => (gap <= 1e-9 * size ? "least" : `+ ${TC.quantity(gap, units, 3)}`),
-      rows = found.map((o) => [
-        o.name,
-        TC.quantity(o.v, units, 5),
-        told(o.v - least),
-        o.used ? "stored" : "",
-      ]);
+    const least = Math.min(...found.map((o) => o.v));
+    const size = Math.max(...found.map((o) => Math.abs(o.v))) || 1;
+    const units = r.numbers.energy ? r.numbers.energy.units : "1";
+    const told = (gap) => (gap <= 1e-9 * size ? "least" : `+ ${TC.quantity(gap, units, 3)}`);
+    const rows = found.map((o) => [
+      o.name,
+      TC.quantity(o.v, units, 5),
+      told(o.v - least),
+      o.used ? "stored" : "",
+    ]);
     host.append(
       TC.h3("Energy of the solution that each start leads to"),
       TC.wide(["start", "energy", "", ""], rows, (k) => (k === 0 || k === 3) && "text"),
@@ -922,11 +925,11 @@ TC.point = {
     );
   },
   table(host, p, vs, level) {
-    const r = TC.data.run,
-      cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5),
-      names = Object.keys(r.numbers).filter(
-        (n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity,
-      );
+    const r = TC.data.run;
+    const cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5);
+    const names = Object.keys(r.numbers).filter(
+      (n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity,
+    );
     const rows = names.map((n) =>
       TC.el(
         "tr",

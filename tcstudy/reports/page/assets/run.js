@@ -1,15 +1,15 @@
 // The page of a run: the sweep as a map and curves, accuracy and cost, the data.
 TC.run = {
   setup(given) {
-    const r = TC.data.run,
-      s = TC.state;
+    const r = TC.data.run;
+    const s = TC.state;
     r.points = r.shape.reduce((a, b) => a * b, 1);
     r.nlevels = r.levels.h_max.length;
     r.grid = r.mode === "grid";
     r.varied = r.grid ? r.axes.filter((a) => a.values.length > 1) : r.axes;
-    const byName = (n) => r.varied.find((a) => a.name === n),
-      numeric = r.varied.filter((a) => a.numeric),
-      texts = r.varied.filter((a) => !a.numeric);
+    const byName = (n) => r.varied.find((a) => a.name === n);
+    const numeric = r.varied.filter((a) => a.numeric);
+    const texts = r.varied.filter((a) => !a.numeric);
     const ranked = [...numeric].sort((a, b) => new Set(b.values).size - new Set(a.values).size);
     s.x = (byName(given.x) || ranked[0] || texts[0] || {}).name;
     const rest = [...ranked, ...texts].filter((a) => a.name !== s.x);
@@ -34,8 +34,8 @@ TC.run = {
   },
   place(text) {
     if (text === undefined) return null;
-    const at = String(text).split(",").map(Number),
-      shape = TC.data.run.shape;
+    const at = String(text).split(",").map(Number);
+    const shape = TC.data.run.shape;
     if (!shape.length) return [];
     return at.length === shape.length &&
       at.every((v, i) => Number.isInteger(v) && v >= 0 && v < shape[i])
@@ -44,11 +44,11 @@ TC.run = {
   },
   // The solved point with the largest slip: what one looks for first.
   worst() {
-    const r = TC.data.run,
-      u = r.numbers.u_T_max,
-      level = r.nlevels - 1;
-    let best = 0,
-      most = -1;
+    const r = TC.data.run;
+    const u = r.numbers.u_T_max;
+    const level = r.nlevels - 1;
+    let best = 0;
+    let most = -1;
     for (let p = 0; p < r.points; p++)
       if (TC.run.flag("status", p, level) === 1 && u && u.v[p * r.nlevels + level] > most) {
         most = u.v[p * r.nlevels + level];
@@ -76,8 +76,8 @@ TC.run = {
     return n ? n.v[p * TC.data.run.nlevels + level] : NaN;
   },
   energies(p, level) {
-    const r = TC.data.run,
-      k = r.starts.length;
+    const r = TC.data.run;
+    const k = r.starts.length;
     return r.start_energy
       ? Array.from(
           r.start_energy.slice((p * r.nlevels + level) * k, (p * r.nlevels + level + 1) * k),
@@ -116,8 +116,8 @@ TC.run = {
     TC.run.map(host.map);
     TC.run.curves(host.curves);
     if (TC.data.steps) {
-      const p = TC.run.flat(TC.state.at),
-        own = TC.data.steps[p];
+      const p = TC.run.flat(TC.state.at);
+      const own = TC.data.steps[p];
       TC.show(
         host.point,
         own.point,
@@ -134,33 +134,33 @@ TC.run = {
   layout() {
     document.getElementById("main").replaceChildren();
     const sweep = TC.data.run.varied.length ? TC.section("1  The sweep", "sweep") : TC.el("div");
-    const controls = TC.el("div", { class: "controls noprint" }),
-      map = TC.panel(),
-      curves = TC.panel();
+    const controls = TC.el("div", { class: "controls noprint" });
+    const map = TC.panel();
+    const curves = TC.panel();
     const two = TC.data.run.varied.length > 1;
     sweep.append(controls, two ? TC.el("div", { class: "columns" }, map, curves) : curves);
-    const swept = TC.data.run.varied.length > 0,
-      steps = Boolean(TC.data.steps),
-      n = (k) => `${swept ? k : k - 1}  `;
+    const swept = TC.data.run.varied.length > 0;
+    const steps = Boolean(TC.data.steps);
+    const n = (k) => `${swept ? k : k - 1}  `;
     const point = TC.section(
-        steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution",
-        "point",
-      ),
-      accuracy = TC.section(
-        steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost",
-        "accuracy",
-      ),
-      data = TC.section((steps ? n(4) : "4  ") + "The data", "table");
-    const rows = steps && !swept ? null : TC.el("div"),
-      stepRows = steps ? TC.el("div", { id: "steps" }) : null;
+      steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution",
+      "point",
+    );
+    const accuracy = TC.section(
+      steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost",
+      "accuracy",
+    );
+    const data = TC.section((steps ? n(4) : "4  ") + "The data", "table");
+    const rows = steps && !swept ? null : TC.el("div");
+    const stepRows = steps ? TC.el("div", { id: "steps" }) : null;
     data.append(...[stepRows, rows].filter(Boolean));
     TC.provenance(data);
     return { controls, map: two ? map : null, curves, point, accuracy, rows, steps: stepRows };
   },
   controls(host) {
-    const r = TC.data.run,
-      s = TC.state,
-      out = [];
+    const r = TC.data.run;
+    const s = TC.state;
+    const out = [];
     out.push(
       TC.choice(
         "quantity",
@@ -170,8 +170,8 @@ TC.run = {
       ),
     );
     if (r.varied.length > 1) {
-      const names = r.varied.map((a) => [a.name, TC.symbol(a.name)]),
-        by = names.filter(([n]) => n !== s.x && !TC.run.axis(n).drawn);
+      const names = r.varied.map((a) => [a.name, TC.symbol(a.name)]);
+      const by = names.filter(([n]) => n !== s.x && !TC.run.axis(n).drawn);
       out.push(
         TC.choice("across", names, s.x, (x) =>
           TC.set({
@@ -204,8 +204,8 @@ TC.run = {
       );
     if (r.grid)
       for (const a of r.varied) {
-        const d = TC.run.dim(a.name),
-          texts = { length: a.values.length, at: (i) => TC.axisText(a, i) };
+        const d = TC.run.dim(a.name);
+        const texts = { length: a.values.length, at: (i) => TC.axisText(a, i) };
         const move = (i) => {
           const at = s.at.slice();
           at[d] = i;
@@ -244,18 +244,20 @@ TC.run = {
   },
   map(host) {
     if (!host) return;
-    const r = TC.data.run,
-      s = TC.state,
-      q = r.numbers[s.q],
-      all = [];
-    const ax = TC.run.axis(s.x),
-      ay = TC.run.axis(s.y);
+    const r = TC.data.run;
+    const s = TC.state;
+    const q = r.numbers[s.q];
+    const all = [];
+    const ax = TC.run.axis(s.x);
+    const ay = TC.run.axis(s.y);
     for (let p = 0; p < r.points; p++)
       if (TC.run.flag("status", p, s.level) === 1) all.push(q.v[p * r.nlevels + s.level]);
-    const shade = TC.run.shade(all),
-      scale = TC.scale(all, q.units);
-    const width = TC.width(host),
-      title = TC.h3(TC.titled(TC.symbol(s.q), scale) + (r.nlevels > 1 ? `, level ${s.level}` : ""));
+    const shade = TC.run.shade(all);
+    const scale = TC.scale(all, q.units);
+    const width = TC.width(host);
+    const title = TC.h3(
+      TC.titled(TC.symbol(s.q), scale) + (r.nlevels > 1 ? `, level ${s.level}` : ""),
+    );
     const svg = r.grid
       ? TC.run.cells(width, ax, ay, shade, scale)
       : TC.run.scatter(width, ax, ay, shade, scale);
@@ -276,8 +278,8 @@ TC.run = {
     );
   },
   patterns(svg) {
-    const defs = svg.appendChild(TC.svgNode("defs")),
-      turned = { patternTransform: "rotate(45)" };
+    const defs = svg.appendChild(TC.svgNode("defs"));
+    const turned = { patternTransform: "rotate(45)" };
     for (const [tone, c] of [
       ["l", "rgba(255,255,255,.85)"],
       ["d", "rgba(0,0,0,.75)"],
@@ -313,8 +315,8 @@ TC.run = {
   },
   // One piece of a pattern, for the middle of a round point, where patterns would bite into its edge.
   dot(proof, x, y, r, tone) {
-    const c = tone === "l" ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)",
-      slash = `M${x - r},${y + r}L${x + r},${y - r}`;
+    const c = tone === "l" ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)";
+    const slash = `M${x - r},${y + r}L${x + r},${y - r}`;
     if (proof === "global") return TC.svgNode("circle", { cx: x, cy: y, r: 1.3, fill: c });
     return TC.svgNode("path", {
       d: proof === "local" ? slash : `${slash}M${x - r},${y - r}L${x + r},${y + r}`,
@@ -340,19 +342,19 @@ TC.run = {
             height: Math.max(0, h - 2 * inset),
             ...look,
           });
-    const s = TC.state,
-      p = points[points.length >> 1],
-      known = points.map((k) => TC.run.PROOFS.indexOf(TC.run.proof(k, s.level))),
-      proof = TC.run.PROOFS[Math.min(...known)];
+    const s = TC.state;
+    const p = points[points.length >> 1];
+    const known = points.map((k) => TC.run.PROOFS.indexOf(TC.run.proof(k, s.level)));
+    const proof = TC.run.PROOFS[Math.min(...known)];
     const all = points
-        .filter((_, i) => known[i] > 0)
-        .map((k) => TC.run.value(s.q, k, s.level))
-        .sort((a, b) => a - b),
-      v = all.length ? all[all.length >> 1] : NaN,
-      rgb = shade.of(v),
-      tone = TC.dark(rgb) ? "l" : "d";
-    const several = points.some((k) => TC.run.several(k, s.level)),
-      units = TC.data.run.numbers[s.q].units;
+      .filter((_, i) => known[i] > 0)
+      .map((k) => TC.run.value(s.q, k, s.level))
+      .sort((a, b) => a - b);
+    const v = all.length ? all[all.length >> 1] : NaN;
+    const rgb = shade.of(v);
+    const tone = TC.dark(rgb) ? "l" : "d";
+    const several = points.some((k) => TC.run.several(k, s.level));
+    const units = TC.data.run.numbers[s.q].units;
     const g = TC.svgNode("g", { class: "cell", "data-point": p });
     const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.data.proofs[proof]}`;
     g.append(TC.svgNode("title", {}, tip + (several ? "\nstarts led to different solutions" : "")));
@@ -378,8 +380,8 @@ TC.run = {
           area(round ? 1 : 2.5, { fill: "none", stroke: "#d55e00", "stroke-width": round ? 2 : 3 }),
         );
       if (numbers) {
-        const text = TC.number(v / scale.by, 3),
-          wide = 7.2 * text.length + 6;
+        const text = TC.number(v / scale.by, 3);
+        const wide = 7.2 * text.length + 6;
         g.append(
           TC.svgNode("rect", {
             x: x + w / 2 - wide / 2,
@@ -412,24 +414,24 @@ TC.run = {
     return [...Array(Math.ceil(n / k))].map((_, i) => [i * k, Math.min(n, (i + 1) * k)]);
   },
   cells(width, ax, ay, shade, scale) {
-    const s = TC.state,
-      gx = TC.run.groups(ax.values.length, 60),
-      gy = TC.run.groups(ay.values.length, 40),
-      nx = gx.length,
-      ny = gy.length,
-      kx = gx[0][1],
-      ky = gy[0][1],
-      dx = TC.run.dim(ax.name),
-      dy = TC.run.dim(ay.name);
-    const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1,
-      left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide),
-      w = (width - left - 8) / nx,
-      h = Math.max(
-        14,
-        (6.4 * TC.axisTitle(ay).length) / ny,
-        Math.min(62, 330 / ny, Math.max(26, w)),
-      ),
-      height = ny * h + 58; // room for the title of y
+    const s = TC.state;
+    const gx = TC.run.groups(ax.values.length, 60);
+    const gy = TC.run.groups(ay.values.length, 40);
+    const nx = gx.length;
+    const ny = gy.length;
+    const kx = gx[0][1];
+    const ky = gy[0][1];
+    const dx = TC.run.dim(ax.name);
+    const dy = TC.run.dim(ay.name);
+    const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1;
+    const left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide);
+    const w = (width - left - 8) / nx;
+    const h = Math.max(
+      14,
+      (6.4 * TC.axisTitle(ay).length) / ny,
+      Math.min(62, 330 / ny, Math.max(26, w)),
+    );
+    const height = ny * h + 58; // room for the title of y
     const svg = TC.svgNode("svg", {
       width,
       height,
@@ -439,8 +441,8 @@ TC.run = {
     });
     TC.run.patterns(svg);
     const at = (i, j) => {
-      const k = s.at.slice(),
-        out = [];
+      const k = s.at.slice();
+      const out = [];
       for (k[dx] = gx[i][0]; k[dx] < gx[i][1]; k[dx]++)
         for (k[dy] = gy[j][0]; k[dy] < gy[j][1]; k[dy]++) out.push(TC.run.flat(k));
       return out;
@@ -527,13 +529,13 @@ TC.run = {
     return svg;
   },
   scatter(width, ax, ay, shade, scale) {
-    const r = TC.data.run,
-      s = TC.state,
-      place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
-    const fx = TC.axisScale(ax).by,
-      fy = TC.axisScale(ay).by;
-    const xs = Float64Array.from({ length: r.points }, (_, p) => place(ax, p) / fx),
-      ys = Float64Array.from({ length: r.points }, (_, p) => place(ay, p) / fy);
+    const r = TC.data.run;
+    const s = TC.state;
+    const place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
+    const fx = TC.axisScale(ax).by;
+    const fy = TC.axisScale(ay).by;
+    const xs = Float64Array.from({ length: r.points }, (_, p) => place(ax, p) / fx);
+    const ys = Float64Array.from({ length: r.points }, (_, p) => place(ay, p) / fy);
     const plot = new TC.Plot({
       width,
       height: 320,
@@ -547,8 +549,8 @@ TC.run = {
     TC.run.patterns(plot.svg);
     if (r.points > TC.run.MOST_MARKS) {
       // squares of 12 pixels instead of single points
-      const bins = new Map(),
-        size = 12;
+      const bins = new Map();
+      const size = 12;
       for (let p = 0; p < r.points; p++) {
         const key = `${Math.floor(plot.px(xs[p]) / size)} ${Math.floor(plot.py(ys[p]) / size)}`;
         bins.has(key) ? bins.get(key).push(p) : bins.set(key, [p]);
@@ -587,9 +589,9 @@ TC.run = {
     return plot.svg;
   },
   bar(width, shade, scale) {
-    const svg = TC.svgNode("svg", { width, height: 34, role: "img", "aria-label": "colours" }),
-      n = 60,
-      left = 66;
+    const svg = TC.svgNode("svg", { width, height: 34, role: "img", "aria-label": "colours" });
+    const n = 60;
+    const left = 66;
     if (!(shade.hi > shade.lo)) return svg;
     for (let i = 0; i < n; i++)
       svg.append(
@@ -613,26 +615,26 @@ TC.run = {
     return svg;
   },
   key() {
-    const r = TC.data.run,
-      s = TC.state,
-      present = new Set();
+    const r = TC.data.run;
+    const s = TC.state;
+    const present = new Set();
     let several = false;
     for (let p = 0; p < r.points; p++) {
       present.add(TC.run.proof(p, s.level));
       several = several || TC.run.several(p, s.level);
     }
     const box = (fill, look = {}) =>
-        TC.svgNode("rect", {
-          x: 1,
-          y: 1,
-          width: 24,
-          height: 14,
-          fill,
-          stroke: "var(--soft)",
-          ...look,
-        }),
-      entry = (shapes, text) =>
-        TC.entry(26, 16, shapes, text, "vertical-align:-3px;margin-right:5px");
+      TC.svgNode("rect", {
+        x: 1,
+        y: 1,
+        width: 24,
+        height: 14,
+        fill,
+        stroke: "var(--soft)",
+        ...look,
+      });
+    const entry = (shapes, text) =>
+      TC.entry(26, 16, shapes, text, "vertical-align:-3px;margin-right:5px");
     const shapes = (proof) =>
       proof === "failed"
         ? [
@@ -662,18 +664,18 @@ TC.run = {
   MOST_CURVES: 14,
   // Least, median and greatest value at every x, or in 120 parts of its range.
   spread(pts, get) {
-    const xs = new Set(pts.map((o) => o.x)),
-      [lo, hi] = TC.range(xs),
-      n = 120,
-      bins = new Map();
+    const xs = new Set(pts.map((o) => o.x));
+    const [lo, hi] = TC.range(xs);
+    const n = 120;
+    const bins = new Map();
     const place =
       xs.size <= n
         ? (x) => x
         : (x) =>
             lo + ((Math.min(n - 1, Math.floor(((x - lo) / (hi - lo)) * n)) + 0.5) / n) * (hi - lo);
     for (const o of pts) {
-      const v = get(o),
-        x = place(o.x);
+      const v = get(o);
+      const x = place(o.x);
       if (Number.isFinite(v)) bins.has(x) ? bins.get(x).push(v) : bins.set(x, [v]);
     }
     return [...bins]
@@ -684,16 +686,16 @@ TC.run = {
       });
   },
   curves(host) {
-    const r = TC.data.run,
-      s = TC.state,
-      q = r.numbers[s.q],
-      width = TC.width(host);
+    const r = TC.data.run;
+    const s = TC.state;
+    const q = r.numbers[s.q];
+    const width = TC.width(host);
     if (!s.x) return;
-    const ax = TC.run.axis(s.x),
-      by = s.by && s.by !== s.x ? TC.run.axis(s.by) : null,
-      dx = TC.run.dim(s.x),
-      db = by ? TC.run.dim(by.name) : -1,
-      series = [];
+    const ax = TC.run.axis(s.x);
+    const by = s.by && s.by !== s.x ? TC.run.axis(s.by) : null;
+    const dx = TC.run.dim(s.x);
+    const db = by ? TC.run.dim(by.name) : -1;
+    const series = [];
     const place = (i) => (ax.numeric ? ax.values[i] / TC.axisScale(ax).by : i);
     if (r.grid)
       for (let b = 0; b < (by ? by.values.length : 1); b++) {
@@ -720,19 +722,19 @@ TC.run = {
           on: pts.some((o) => o.p === s.at[0]),
         });
     }
-    const every = series.flatMap((g) => g.pts),
-      get = (o) =>
-        TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN,
-      scale = TC.scale(every.map(get), q.units),
-      items = [];
-    const many = series.length > TC.run.MOST_CURVES || every.length > TC.run.MOST_MARKS,
-      single =
-        every.length > TC.run.MOST_MARKS * TC.run.MOST_CURVES
-          ? []
-          : series.filter((g) => g.on && g.pts.length <= TC.run.MOST_MARKS);
+    const every = series.flatMap((g) => g.pts);
+    const get = (o) =>
+      TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN;
+    const scale = TC.scale(every.map(get), q.units);
+    const items = [];
+    const many = series.length > TC.run.MOST_CURVES || every.length > TC.run.MOST_MARKS;
+    const single =
+      every.length > TC.run.MOST_MARKS * TC.run.MOST_CURVES
+        ? []
+        : series.filter((g) => g.on && g.pts.length <= TC.run.MOST_MARKS);
     if (many) {
-      const parts = TC.run.spread(every, (o) => get(o) / scale.by),
-        x = parts.map((o) => o.x);
+      const parts = TC.run.spread(every, (o) => get(o) / scale.by);
+      const x = parts.map((o) => o.x);
       items.push(
         {
           kind: "fill",
@@ -745,8 +747,8 @@ TC.run = {
       );
     }
     (many ? single : series).forEach((g, k) => {
-      const look = TC.series(k),
-        at = { x: g.pts.map((o) => o.x), y: g.pts.map((o) => get(o) / scale.by) };
+      const look = TC.series(k);
+      const at = { x: g.pts.map((o) => o.x), y: g.pts.map((o) => get(o) / scale.by) };
       if (!ax.drawn)
         items.push({
           kind: "line",
@@ -830,10 +832,10 @@ TC.run = {
     return [few.map((i) => axis.values[i] / by), few.map((i) => TC.axisLabel(axis, i))];
   },
   accuracy(host) {
-    const r = TC.data.run,
-      s = TC.state,
-      p = TC.run.flat(s.at),
-      out = [];
+    const r = TC.data.run;
+    const s = TC.state;
+    const p = TC.run.flat(s.at);
+    const out = [];
     const width = TC.width(host);
     if (r.nlevels > 1) {
       // the table of the levels has eight columns, for which half of the width is too little
@@ -855,12 +857,12 @@ TC.run = {
   ],
   changes(width, p) {
     // The longest edge tells a mesh only where every edge is halved.
-    const r = TC.data.run,
-      own = TC.run.levels(p),
-      halved = own.h_max.every((x, l) => l === 0 || x < 0.9 * own.h_max[l - 1]),
-      h = halved ? own.h_max : Array.from(own.n_dof, (n) => 1 / Math.sqrt(n)),
-      scale = TC.scale(h, halved ? r.units.h_max : "1"),
-      series = [];
+    const r = TC.data.run;
+    const own = TC.run.levels(p);
+    const halved = own.h_max.every((x, l) => l === 0 || x < 0.9 * own.h_max[l - 1]);
+    const h = halved ? own.h_max : Array.from(own.n_dof, (n) => 1 / Math.sqrt(n));
+    const scale = TC.scale(h, halved ? r.units.h_max : "1");
+    const series = [];
     for (const name of TC.run.CONVERGED.filter((n) => r.numbers[n])) {
       const v = h.map((_, l) =>
         TC.run.flag("status", p, l) === 1 ? TC.run.value(name, p, l) : NaN,
@@ -876,18 +878,18 @@ TC.run = {
         what: TC.symbol(name),
       });
     }
-    const known = series.filter((g) => g.ys.some((v) => v > 0)),
-      still = series.filter((g) => !known.includes(g)).map((g) => g.what);
+    const known = series.filter((g) => g.ys.some((v) => v > 0));
+    const still = series.filter((g) => !known.includes(g)).map((g) => g.what);
     if (!known.length)
       return [
         TC.h3("Convergence over the levels"),
         TC.note("The numbers do not change from level to level."),
       ];
-    const xs = series[0].xs.slice(1),
-      hi = Math.max(...xs),
-      lo = Math.min(...xs),
-      top = Math.max(...known.flatMap((g) => g.ys.filter((v) => v > 0))),
-      items = [];
+    const xs = series[0].xs.slice(1);
+    const hi = Math.max(...xs);
+    const lo = Math.min(...xs);
+    const top = Math.max(...known.flatMap((g) => g.ys.filter((v) => v > 0)));
+    const items = [];
     for (const order of [1, 2])
       items.push(
         {
@@ -907,12 +909,12 @@ TC.run = {
         },
       );
     known.forEach((g, k) => {
-      const n = g.ys.length,
-        look = TC.series(k),
-        rate =
-          n > 2 && (halved || g.name.startsWith("error_"))
-            ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1])
-            : NaN;
+      const n = g.ys.length;
+      const look = TC.series(k);
+      const rate =
+        n > 2 && (halved || g.name.startsWith("error_"))
+          ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1])
+          : NaN;
       items.push({
         kind: "line",
         x: g.xs,
@@ -955,13 +957,13 @@ TC.run = {
   ],
   // Sizes of the levels, of the geometry of the point, and their wall times of the whole sweep.
   costs(p) {
-    const r = TC.data.run,
-      own = TC.run.levels(p),
-      all = [...Array(r.points).keys()],
-      sum = (name, l) =>
-        r.levels[name]
-          ? r.levels[name][l]
-          : all.reduce((t, k) => t + (TC.run.value(name, k, l) || 0), 0);
+    const r = TC.data.run;
+    const own = TC.run.levels(p);
+    const all = [...Array(r.points).keys()];
+    const sum = (name, l) =>
+      r.levels[name]
+        ? r.levels[name][l]
+        : all.reduce((t, k) => t + (TC.run.value(name, k, l) || 0), 0);
     const rows = own.h_max.map((h, l) => [
       l,
       TC.quantity(h, r.units.h_max, 3),
@@ -985,19 +987,19 @@ TC.run = {
   },
   rows(host) {
     // a long table is made again only where its numbers or its order change
-    const key = `${TC.state.level} ${TC.state.sort} ${TC.state.down}`,
-      here = TC.run.flat(TC.state.at);
+    const key = `${TC.state.level} ${TC.state.sort} ${TC.state.down}`;
+    const here = TC.run.flat(TC.state.at);
     if (host.dataset.key === key && host.firstChild) {
       host.querySelector("tr.chosen")?.classList.remove("chosen");
       host.querySelector(`tr[data-row="${here}"]`)?.classList.add("chosen");
       return;
     }
     host.dataset.key = key;
-    const r = TC.data.run,
-      s = TC.state,
-      level = s.level,
-      points = [...Array(r.points).keys()],
-      columns = [];
+    const r = TC.data.run;
+    const s = TC.state;
+    const level = s.level;
+    const points = [...Array(r.points).keys()];
+    const columns = [];
     for (const a of r.axes) {
       const d = TC.run.dim(a.name);
       columns.push({
@@ -1014,11 +1016,11 @@ TC.run = {
           n,
         ),
     )) {
-      const n = r.numbers[name],
-        scale = TC.scale(
-          points.map((p) => n.v[p * r.nlevels + level]),
-          n.units,
-        );
+      const n = r.numbers[name];
+      const scale = TC.scale(
+        points.map((p) => n.v[p * r.nlevels + level]),
+        n.units,
+      );
       columns.push({
         title: TC.titled(TC.symbol(name), scale),
         csv: name + (n.units !== "1" ? ` [${n.units}]` : ""),
@@ -1026,8 +1028,8 @@ TC.run = {
         text: (p) => TC.number(n.v[p * r.nlevels + level] / scale.by),
       });
     }
-    const words = (title, get) => columns.push({ title, left: true, get, text: get }),
-      reason = (p) => r.reasons[r.reason[p * r.nlevels + level]];
+    const words = (title, get) => columns.push({ title, left: true, get, text: get });
+    const reason = (p) => r.reasons[r.reason[p * r.nlevels + level]];
     words("certified", (p) => TC.run.proof(p, level));
     words("status", (p) => r.statuses[TC.run.flag("status", p, level)]);
     if (points.some(reason)) words("reason", reason);
@@ -1042,8 +1044,8 @@ TC.run = {
       pick: (p) => TC.set({ at: TC.run.index(p) }),
     });
     const csv = () => TC.saveTable(`${TC.fileName()}-level${level}.csv`, columns, t.order);
-    const scroll = host.querySelector(".scroll")?.scrollTop || 0,
-      box = TC.el("div", { class: "scroll" }, t.node);
+    const scroll = host.querySelector(".scroll")?.scrollTop || 0;
+    const box = TC.el("div", { class: "scroll" }, t.node);
     TC.fill(
       host,
       TC.el(

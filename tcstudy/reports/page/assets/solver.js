@@ -9,8 +9,8 @@ TC.Problem = class {
     this.scale = law.scale > 0 ? law.scale : Math.max(most, Math.abs(law.b(0, 1)));
   }
   times(v) {
-    const { A, m } = this,
-      out = new Float64Array(m);
+    const { A, m } = this;
+    const out = new Float64Array(m);
     for (let i = 0; i < m; i++) {
       let t = 0;
       const row = i * m;
@@ -52,10 +52,10 @@ TC.solve = function (problem, { tolerance = 1e-12, most = 200 } = {}) {
   // One-sided derivatives of L̃ by every node, that of them which descends (0: it rests), and the largest distance of ξ from b̂
   // over the scale of b, which makes a solution.
   const state = (v) => {
-    const xi = problem.xi(v),
-      left = new Float64Array(m),
-      right = new Float64Array(m),
-      down = new Float64Array(m);
+    const xi = problem.xi(v);
+    const left = new Float64Array(m);
+    const right = new Float64Array(m);
+    const down = new Float64Array(m);
     let worst = 0;
     for (let i = 0; i < m; i++) {
       left[i] = c[i] * law.b(v[i], -1) - xi[i];
@@ -66,10 +66,10 @@ TC.solve = function (problem, { tolerance = 1e-12, most = 200 } = {}) {
     return { v, xi, left, right, down, residual: worst === 0 ? 0 : worst / problem.scale };
   };
   const newton = (s) => {
-    const free = [...Array(m).keys()].filter((i) => s.down[i] !== 0 || !law.onJump(s.v[i])),
-      n = free.length,
-      M = new Float64Array(n * n),
-      d = new Float64Array(m);
+    const free = [...Array(m).keys()].filter((i) => s.down[i] !== 0 || !law.onJump(s.v[i]));
+    const n = free.length;
+    const M = new Float64Array(n * n);
+    const d = new Float64Array(m);
     free.forEach((i, k) => {
       for (let j = 0; j < k; j++) M[k * n + j] = A[i * m + free[j]];
       M[k * n + k] =
@@ -102,18 +102,18 @@ TC.solve = function (problem, { tolerance = 1e-12, most = 200 } = {}) {
   };
   // Every node in turn to where its own energy is least, the others held.
   const nodes = (s) => {
-    const v = Float64Array.from(s.v),
-      xi = Float64Array.from(s.xi);
+    const v = Float64Array.from(s.v);
+    const xi = Float64Array.from(s.xi);
     for (let i = 0; i < m; i++) {
-      const to = TC.leastOfNode(law, v[i], xi[i] / c[i], A[i * m + i] / c[i]),
-        move = to - v[i];
+      const to = TC.leastOfNode(law, v[i], xi[i] / c[i], A[i * m + i] / c[i]);
+      const move = to - v[i];
       if (move !== 0) for (let j = 0; j < m; j++) xi[j] -= A[i * m + j] * move;
       v[i] = to;
     }
     return state(v);
   };
-  let s = state(new Float64Array(m)),
-    iterations = 0;
+  let s = state(new Float64Array(m));
+  let iterations = 0;
   for (; iterations < most && s.residual > tolerance; iterations++) s = newton(s) || nodes(s);
   return {
     v: s.v,
@@ -126,24 +126,24 @@ TC.solve = function (problem, { tolerance = 1e-12, most = 200 } = {}) {
 };
 // Where b(s) + stiffness (s − s0) − traction passes 0, seen downhill from s0.
 TC.leastOfNode = function (law, s0, traction, stiffness) {
-  const slope = (s, k) => law.value(s, k) + stiffness * (s - s0) - traction,
-    left = slope(s0, law.piece(s0, -1)),
-    right = slope(s0, law.piece(s0, 1));
+  const slope = (s, k) => law.value(s, k) + stiffness * (s - s0) - traction;
+  const left = slope(s0, law.piece(s0, -1));
+  const right = slope(s0, law.piece(s0, 1));
   if (Math.max(-right, left) <= 0) return s0;
   const sign = -right >= left ? 1 : -1;
   for (let k = law.piece(s0, sign), s = s0; ; k += sign) {
     const end =
-        sign > 0
-          ? k < law.kinks.length
-            ? law.kinks[k]
-            : Infinity
-          : k > 0
-            ? law.kinks[k - 1]
-            : -Infinity,
-      far = Number.isFinite(end) ? law.slope(end, k) : law.q[k];
+      sign > 0
+        ? k < law.kinks.length
+          ? law.kinks[k]
+          : Infinity
+        : k > 0
+          ? law.kinks[k - 1]
+          : -Infinity;
+    const far = Number.isFinite(end) ? law.slope(end, k) : law.q[k];
     for (let i = 0; i < (law.a[k] === 0 ? 1 : 8); i++) {
-      const bound = stiffness + Math.max(law.slope(s, k), far),
-        downhill = -sign * slope(s, k);
+      const bound = stiffness + Math.max(law.slope(s, k), far);
+      const downhill = -sign * slope(s, k);
       if (downhill <= 0) break;
       if (bound <= 0 || Math.abs(end - s) * bound <= downhill) {
         s = end;
