@@ -160,6 +160,15 @@ def test_what_is_too_large_is_left_out_in_order_and_said_and_then_refused(
     assert "a page's name ends in .html" in capsys.readouterr().err
 
 
+def test_no_line_of_scripts_and_style_has_more_than_100_characters() -> None:
+    assets = sorted((Path(write.__file__).parent / "assets").iterdir())
+    assert len(assets) > len(write.SCRIPTS)
+    for path in assets:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        long = [number for number, line in enumerate(lines, 1) if len(line) > 100]
+        assert not long, f"{path.name}: lines {long}; format it: see tcstudy/README.md, Guides"
+
+
 def test_a_page_knows_every_role() -> None:
     """An edge of a role that its script does not know would end it."""
     script = (Path(write.__file__).parent / "assets" / "point.js").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
-// Small charts in SVG: scales, axes, marks. Colours come from the style sheet, so that dark mode and print follow.
-TC.made = function (node, attrs, children) {
+// Small charts in SVG: scales, axes, marks.
+// Colours come from the style sheet, so that dark mode and print follow.
+TC.withAttributes = function (node, attrs, children) {
   for (const key in attrs) {
     if (key.startsWith("on")) node.addEventListener(key.slice(2), attrs[key]);
     else if (attrs[key] !== undefined && attrs[key] !== null && attrs[key] !== false)
@@ -9,61 +10,63 @@ TC.made = function (node, attrs, children) {
   return node;
 };
 TC.svgNode = (tag, attrs = {}, ...children) =>
-  TC.made(document.createElementNS("http://www.w3.org/2000/svg", tag), attrs, children);
-TC.el = (tag, attrs = {}, ...children) => TC.made(document.createElement(tag), attrs, children);
+  TC.withAttributes(document.createElementNS("http://www.w3.org/2000/svg", tag), attrs, children);
+TC.el = (tag, attrs = {}, ...children) =>
+  TC.withAttributes(document.createElement(tag), attrs, children);
 
-TC.ticks = function (lo, hi, count) {
-  const span = hi - lo || Math.abs(hi) || 1;
-  const raw = span / Math.max(1, count);
-  const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 2.5, 5, 10].find((s) => s * power >= raw) * power;
-  const first = Math.ceil(lo / step - 1e-9);
-  const last = Math.floor((hi + 1e-9 * span) / step);
-  const out = [];
-  for (let k = first; k <= last && out.length <= 4 * count; k++) out.push(k * step || 0);
-  return out.length ? out : [lo];
+TC.ticks = function (low, high, count) {
+  const span = high - low || Math.abs(high) || 1;
+  const roughStep = span / Math.max(1, count);
+  const power = 10 ** Math.floor(Math.log10(roughStep));
+  const step = [1, 2, 2.5, 5, 10].find((factor) => factor * power >= roughStep) * power;
+  const first = Math.ceil(low / step - 1e-9);
+  const last = Math.floor((high + 1e-9 * span) / step);
+  const ticks = [];
+  for (let multiple = first; multiple <= last && ticks.length <= 4 * count; multiple++)
+    ticks.push(multiple * step || 0);
+  return ticks.length ? ticks : [low];
 };
-TC.logTicks = function (lo, hi, count) {
-  const a = Math.floor(Math.log10(lo) + 1e-9);
-  const b = Math.ceil(Math.log10(hi) - 1e-9);
-  const every = Math.max(1, Math.ceil((b - a) / Math.max(1, count)));
-  for (const parts of [[1], [1, 2, 5], [1, 1.5, 2, 3, 5, 7]]) {
-    const out = [];
-    for (let e = a; e <= b; e += parts.length > 1 ? 1 : every)
-      out.push(...parts.map((s) => s * 10 ** e).filter((v) => v >= lo * 0.999 && v <= hi * 1.001));
-    if (out.length > 2) return out;
+TC.logTicks = function (low, high, count) {
+  const firstPower = Math.floor(Math.log10(low) + 1e-9);
+  const lastPower = Math.ceil(Math.log10(high) - 1e-9);
+  const powerStep = Math.max(1, Math.ceil((lastPower - firstPower) / Math.max(1, count)));
+  for (const factors of [[1], [1, 2, 5], [1, 1.5, 2, 3, 5, 7]]) {
+    const ticks = [];
+    for (let power = firstPower; power <= lastPower; power += factors.length > 1 ? 1 : powerStep)
+      ticks.push(
+        ...factors
+          .map((factor) => factor * 10 ** power)
+          .filter((tick) => tick >= low * 0.999 && tick <= high * 1.001),
+      );
+    if (ticks.length > 2) return ticks;
   }
-  return [lo, hi];
+  return [low, high];
 };
 TC.tickText = function (ticks) {
-  const most = Math.max(...ticks.map(Math.abs));
+  const largest = Math.max(...ticks.map(Math.abs));
   const step =
-    ticks.length > 1 ? Math.min(...ticks.slice(1).map((t, i) => Math.abs(t - ticks[i]))) : most;
-  if (most >= 1e6 || (most < 1e-3 && most > 0)) {
-    let digits = 3; // of which powers show all but one
+    ticks.length > 1
+      ? Math.min(...ticks.slice(1).map((tick, i) => Math.abs(tick - ticks[i])))
+      : largest;
+  if (largest >= 1e6 || (largest < 1e-3 && largest > 0)) {
+    let digits = 3; // powers of ten show one digit less
     while (
       digits < 8 &&
-      ticks.some((t) => Math.abs(Number(t.toPrecision(digits - 1)) - t) > 0.01 * step)
+      ticks.some((tick) => Math.abs(Number(tick.toPrecision(digits - 1)) - tick) > 0.01 * step)
     )
       digits++;
-    return (v) => TC.number(v, digits);
+    return (value) => TC.number(value, digits);
   }
-  const decimals = Math.max(
-    0,
-    Math.min(
-      8,
-      -Math.floor(Math.log10(step || 1) + 1e-9) +
-        (String(Number((step / 10 ** Math.floor(Math.log10(step || 1))).toPrecision(3))) === "2.5"
-          ? 1
-          : 0),
-    ),
-  );
-  return (v) => v.toFixed(decimals).replace("-", "−");
+  const power = Math.log10(step || 1);
+  const leadingDigits = Number((step / 10 ** Math.floor(power)).toPrecision(3));
+  const needed = -Math.floor(power + 1e-9) + (leadingDigits === 2.5 ? 1 : 0);
+  const decimals = Math.max(0, Math.min(8, needed));
+  return (value) => value.toFixed(decimals).replace("-", "−");
 };
 
 TC.Plot = class {
   // {width, height, x: [lo, hi], y: [lo, hi], xlog, ylog, xlabel, ylabel, margin, label}
-  constructor(o) {
+  constructor(options) {
     Object.assign(
       this,
       {
@@ -72,20 +75,20 @@ TC.Plot = class {
         ylog: false,
         height: 260,
       },
-      o,
+      options,
     );
     this.svg = TC.svgNode("svg", {
       width: this.width,
       height: this.height,
       viewBox: `0 0 ${this.width} ${this.height}`,
       role: "img",
-      "aria-label": o.label || o.ylabel || "",
+      "aria-label": options.label || options.ylabel || "",
     });
-    const m = this.margin;
-    this.left = m.left;
-    this.right = this.width - m.right;
-    this.top = m.top;
-    this.bottom = this.height - m.bottom;
+    const margin = this.margin;
+    this.left = margin.left;
+    this.right = this.width - margin.right;
+    this.top = margin.top;
+    this.bottom = this.height - margin.bottom;
     const id = `clip${(TC.Plot.count = (TC.Plot.count || 0) + 1)}`;
     this.svg.append(
       TC.svgNode(
@@ -102,64 +105,66 @@ TC.Plot = class {
     this.back = this.svg.appendChild(TC.svgNode("g"));
     this.inner = this.svg.appendChild(TC.svgNode("g", { "clip-path": `url(#${id})` }));
     this.over = this.svg.appendChild(TC.svgNode("g"));
-    if (!o.bare) this.axes();
+    if (!options.bare) this.axes();
   }
-  static map(v, [lo, hi], a, b, log) {
+  static map(value, [low, high], start, end, log) {
     if (log) {
-      v = Math.log(v);
-      lo = Math.log(lo);
-      hi = Math.log(hi);
+      value = Math.log(value);
+      low = Math.log(low);
+      high = Math.log(high);
     }
-    return hi === lo ? (a + b) / 2 : a + ((v - lo) / (hi - lo)) * (b - a);
+    return high === low
+      ? (start + end) / 2
+      : start + ((value - low) / (high - low)) * (end - start);
   }
-  px(v) {
-    return TC.Plot.map(v, this.x, this.left, this.right, this.xlog);
+  px(value) {
+    return TC.Plot.map(value, this.x, this.left, this.right, this.xlog);
   }
-  py(v) {
-    return TC.Plot.map(v, this.y, this.bottom, this.top, this.ylog);
+  py(value) {
+    return TC.Plot.map(value, this.y, this.bottom, this.top, this.ylog);
   }
-  ix(p) {
-    return this.x[0] + ((p - this.left) / (this.right - this.left)) * (this.x[1] - this.x[0]);
+  ix(pixel) {
+    return this.x[0] + ((pixel - this.left) / (this.right - this.left)) * (this.x[1] - this.x[0]);
   }
-  iy(p) {
-    return this.y[0] + ((p - this.bottom) / (this.top - this.bottom)) * (this.y[1] - this.y[0]);
+  iy(pixel) {
+    return this.y[0] + ((pixel - this.bottom) / (this.top - this.bottom)) * (this.y[1] - this.y[0]);
   }
   axes() {
-    const g = this.back;
-    const text = (x, y, s, anchor, extra = {}) =>
-      g.append(TC.svgNode("text", { x, y, "text-anchor": anchor, ...extra }, s));
-    const many = Math.max(2, Math.floor((this.right - this.left) / 80));
-    const tall = Math.max(2, Math.floor((this.bottom - this.top) / 38));
-    const xt =
-      this.xticks || (this.xlog ? TC.logTicks(...this.x, many) : TC.ticks(...this.x, many));
-    const yt = this.ylog ? TC.logTicks(...this.y, tall) : TC.ticks(...this.y, tall);
-    const xs = this.xlog ? (v) => TC.number(v, 3) : TC.tickText(xt);
-    const ys = this.ylog ? (v) => TC.number(v, 3) : TC.tickText(yt);
-    for (const v of yt) {
-      const y = this.py(v);
-      g.append(
+    const group = this.back;
+    const text = (x, y, label, anchor, extra = {}) =>
+      group.append(TC.svgNode("text", { x, y, "text-anchor": anchor, ...extra }, label));
+    const xCount = Math.max(2, Math.floor((this.right - this.left) / 80));
+    const yCount = Math.max(2, Math.floor((this.bottom - this.top) / 38));
+    const xTicks =
+      this.xticks || (this.xlog ? TC.logTicks(...this.x, xCount) : TC.ticks(...this.x, xCount));
+    const yTicks = this.ylog ? TC.logTicks(...this.y, yCount) : TC.ticks(...this.y, yCount);
+    const xText = this.xlog ? (value) => TC.number(value, 3) : TC.tickText(xTicks);
+    const yText = this.ylog ? (value) => TC.number(value, 3) : TC.tickText(yTicks);
+    for (const value of yTicks) {
+      const y = this.py(value);
+      group.append(
         TC.svgNode("line", {
           x1: this.left,
           x2: this.right,
           y1: y,
           y2: y,
-          class: v === 0 ? "zero" : "grid",
+          class: value === 0 ? "zero" : "grid",
         }),
       );
-      text(this.left - 7, y + 4, ys(v), "end");
+      text(this.left - 7, y + 4, yText(value), "end");
     }
-    let last = -Infinity;
-    for (const v of this.xnone ? [] : xt) {
-      const x = this.px(v);
-      const s = this.xtext ? this.xtext(v) : xs(v);
-      g.append(
+    let lastLabelled = -Infinity;
+    for (const value of this.xnone ? [] : xTicks) {
+      const x = this.px(value);
+      const label = this.xtext ? this.xtext(value) : xText(value);
+      group.append(
         TC.svgNode("line", { x1: x, x2: x, y1: this.bottom, y2: this.bottom + 4, class: "axis" }),
       );
-      if (x - last < 4 + 7 * s.length) continue;
-      last = x;
-      text(x, this.bottom + 17, s, "middle");
+      if (x - lastLabelled < 4 + 7 * label.length) continue;
+      lastLabelled = x;
+      text(x, this.bottom + 17, label, "middle");
     }
-    g.append(
+    group.append(
       TC.svgNode("path", {
         d: `M${this.left},${this.top}V${this.bottom}H${this.right}`,
         class: "axis",
@@ -170,27 +175,35 @@ TC.Plot = class {
       // a name longer than the axis stands whole in the title above
       const y = (this.top + this.bottom) / 2;
       const unit = / \[[^\]]*\]$/.exec(this.ylabel)?.[0] ?? "";
-      const fits = Math.floor((this.bottom - this.top) / 6);
-      const cut = this.ylabel.slice(0, fits - unit.length - 1).trimEnd();
-      text(11, y, this.ylabel.length > fits ? `${cut}…${unit}` : this.ylabel, "middle", {
-        transform: `rotate(-90 11 ${y})`,
-      });
+      const maxLetters = Math.floor((this.bottom - this.top) / 6);
+      const shortened = this.ylabel.slice(0, maxLetters - unit.length - 1).trimEnd();
+      text(
+        11,
+        y,
+        this.ylabel.length > maxLetters ? `${shortened}…${unit}` : this.ylabel,
+        "middle",
+        {
+          transform: `rotate(-90 11 ${y})`,
+        },
+      );
     }
   }
   line(xs, ys, attrs = {}) {
-    let d = "";
-    let pen = false;
-    for (let i = 0; i < xs.length; i++) {
-      if (!Number.isFinite(ys[i]) || !Number.isFinite(xs[i])) {
-        pen = false;
+    let path = "";
+    let isPenDown = false;
+    for (let index = 0; index < xs.length; index++) {
+      if (!Number.isFinite(ys[index]) || !Number.isFinite(xs[index])) {
+        isPenDown = false;
         continue;
       }
-      d += `${pen ? "L" : "M"}${this.px(xs[i]).toFixed(2)},${this.py(ys[i]).toFixed(2)}`;
-      pen = true;
+      const x = this.px(xs[index]).toFixed(2);
+      const y = this.py(ys[index]).toFixed(2);
+      path += `${isPenDown ? "L" : "M"}${x},${y}`;
+      isPenDown = true;
     }
     return this.inner.appendChild(
       TC.svgNode("path", {
-        d,
+        d: path,
         fill: "none",
         "stroke-width": 2,
         "stroke-linejoin": "round",
@@ -202,9 +215,9 @@ TC.Plot = class {
   steps(edges, values, attrs = {}) {
     const xs = [];
     const ys = [];
-    for (let i = 0; i < values.length; i++) {
-      xs.push(edges[i], edges[i + 1]);
-      ys.push(values[i], values[i]);
+    for (let index = 0; index < values.length; index++) {
+      xs.push(edges[index], edges[index + 1]);
+      ys.push(values[index], values[index]);
     }
     return this.line(xs, ys, { "stroke-linejoin": "miter", ...attrs });
   }
@@ -213,8 +226,10 @@ TC.Plot = class {
     if (title) node.append(TC.svgNode("title", {}, title));
     return this.over.appendChild(node);
   }
-  text(px, py, s, attrs = {}) {
-    return this.over.appendChild(TC.svgNode("text", { x: px, y: py, class: "halo", ...attrs }, s));
+  text(px, py, content, attrs = {}) {
+    return this.over.appendChild(
+      TC.svgNode("text", { x: px, y: py, class: "halo", ...attrs }, content),
+    );
   }
   vertical(x, attrs = {}) {
     return this.inner.appendChild(
@@ -230,14 +245,15 @@ TC.Plot = class {
   }
 };
 
-TC.pad = function ([lo, hi], part = 0.06, log = false) {
+TC.pad = function ([low, high], share = 0.06, log = false) {
   if (log) {
-    const f = (hi / lo || 10) ** part;
-    return hi > lo ? [lo / f, hi * f] : [lo / 2, hi * 2];
+    const factor = (high / low || 10) ** share;
+    return high > low ? [low / factor, high * factor] : [low / 2, high * 2];
   }
-  const size = Math.max(Math.abs(lo), Math.abs(hi));
-  const span = hi - lo > 1e-12 * size ? hi - lo : size || 1; // what differs by rounding is one value
-  return [lo - part * span, hi + part * span];
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  // values that differ by rounding are one value
+  const span = high - low > 1e-12 * size ? high - low : size || 1;
+  return [low - share * span, high + share * span];
 };
 
 // Blue to yellow, told apart with every kind of colour vision and in grey (after cividis).
@@ -263,44 +279,41 @@ TC.HEAT = [
   [227, 26, 28],
   [177, 0, 38],
 ];
-TC.colour = function (t, stops = TC.CIVIDIS) {
-  const x = Math.min(1, Math.max(0, t)) * (stops.length - 1);
-  const i = Math.min(stops.length - 2, Math.floor(x));
-  const f = x - i;
-  return stops[i].map((c, k) => Math.round(c + f * (stops[i + 1][k] - c)));
+TC.colour = function (fraction, stops = TC.CIVIDIS) {
+  const position = Math.min(1, Math.max(0, fraction)) * (stops.length - 1);
+  const stop = Math.min(stops.length - 2, Math.floor(position));
+  const weight = position - stop;
+  return stops[stop].map((channel, channelIndex) =>
+    Math.round(channel + weight * (stops[stop + 1][channelIndex] - channel)),
+  );
 };
 TC.css = ([r, g, b]) => `rgb(${r},${g},${b})`;
 TC.dark = ([r, g, b]) => 0.3 * r + 0.59 * g + 0.11 * b < 125;
 TC.DASHES = ["", "7 4", "2 3", "9 3 2 3", "12 4", "4 2"];
-TC.series = (i) => ({
-  stroke: `var(--c${(i % 7) + 1})`,
-  "stroke-dasharray": TC.DASHES[Math.floor(i / 7) % TC.DASHES.length] || TC.DASHES[i % 6],
+TC.series = (index) => ({
+  stroke: `var(--c${(index % 7) + 1})`,
+  "stroke-dasharray": TC.DASHES[Math.floor(index / 7) % TC.DASHES.length] || TC.DASHES[index % 6],
 });
 TC.SHAPES = ["circle", "square", "triangle", "diamond", "cross"];
 TC.marker = function (shape, x, y, r, attrs = {}) {
-  const d = {
+  const paths = {
     circle: `M${x - r},${y}a${r},${r} 0 1 0 ${2 * r},0a${r},${r} 0 1 0 ${-2 * r},0Z`,
     square: `M${x - r},${y - r}h${2 * r}v${2 * r}h${-2 * r}Z`,
     triangle: `M${x},${y - 1.2 * r}L${x + 1.1 * r},${y + 0.9 * r}H${x - 1.1 * r}Z`,
     diamond: `M${x},${y - 1.3 * r}L${x + 1.3 * r},${y}L${x},${y + 1.3 * r}L${x - 1.3 * r},${y}Z`,
     cross: `M${x - r},${y - r}L${x + r},${y + r}M${x - r},${y + r}L${x + r},${y - r}`,
   };
-  return TC.svgNode("path", { d: d[shape], ...attrs });
+  return TC.svgNode("path", { d: paths[shape], ...attrs });
 };
 TC.CSV = function (header, rows) {
-  const cell = (v) =>
-    typeof v === "number"
-      ? Number.isFinite(v)
-        ? String(v)
-        : Number.isNaN(v)
-          ? ""
-          : v > 0
-            ? "inf"
-            : "-inf"
-      : /[",\n]/.test(String(v))
-        ? `"${String(v).replace(/"/g, '""')}"`
-        : String(v);
-  return [header, ...rows].map((row) => row.map(cell).join(",")).join("\r\n") + "\r\n";
+  const cellText = (value) => {
+    if (Number.isNaN(value)) return "";
+    if (value === Infinity) return "inf";
+    if (value === -Infinity) return "-inf";
+    const text = String(value);
+    return /[",\n]/.test(text) ? `"${text.replace(/"/g, '""')}"` : text;
+  };
+  return [header, ...rows].map((row) => row.map(cellText).join(",")).join("\r\n") + "\r\n";
 };
 TC.save = function (name, text, type = "text/csv") {
   const link = TC.el("a", {

@@ -1,12 +1,12 @@
-// What all parts share: the state (kept in the address), controls, tables.
+// Shared by all parts: the state, which the address keeps, controls and tables.
 TC.state = Object.create(null);
 TC.readState = () => Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
 TC.writeState = function () {
-  const words = new URLSearchParams();
+  const parameters = new URLSearchParams();
   for (const key in TC.state)
     if (TC.state[key] !== undefined && TC.state[key] !== null && TC.state[key] !== "")
-      words.set(key, Array.isArray(TC.state[key]) ? TC.state[key].join(",") : TC.state[key]);
-  const hash = "#" + words.toString().replace(/%2C/g, ",");
+      parameters.set(key, Array.isArray(TC.state[key]) ? TC.state[key].join(",") : TC.state[key]);
+  const hash = "#" + parameters.toString().replace(/%2C/g, ",");
   if (hash !== location.hash) history.replaceState(null, "", hash);
 };
 TC.set = function (changes) {
@@ -14,13 +14,13 @@ TC.set = function (changes) {
   TC.writeState();
   TC.draw();
 };
-TC.width = (node, most = 1200) =>
-  Math.max(260, Math.min(most, Math.floor(node.getBoundingClientRect().width) || 600));
+TC.width = (node, maximum = 1200) =>
+  Math.max(260, Math.min(maximum, Math.floor(node.getBoundingClientRect().width) || 600));
 
-TC.choice = function (label, options, value, change, title) {
+TC.choice = function (label, options, value, onChange, title) {
   const select = TC.el(
     "select",
-    { onchange: (e) => change(e.target.value) },
+    { onchange: (event) => onChange(event.target.value) },
     options.map(([key, text]) =>
       TC.el("option", { value: key, selected: String(key) === String(value) }, text),
     ),
@@ -28,7 +28,7 @@ TC.choice = function (label, options, value, change, title) {
   return TC.el("label", { title }, label, select);
 };
 // options: an array of texts, or its length and at(i).
-TC.slider = function (label, options, value, change) {
+TC.slider = function (label, options, value, onChange) {
   const range = TC.el("input", {
     type: "range",
     min: 0,
@@ -36,7 +36,7 @@ TC.slider = function (label, options, value, change) {
     step: 1,
     value,
     "aria-label": label,
-    oninput: (e) => change(Number(e.target.value)),
+    oninput: (event) => onChange(Number(event.target.value)),
   });
   return TC.el(
     "label",
@@ -45,18 +45,22 @@ TC.slider = function (label, options, value, change) {
     range,
   );
 };
-// A number of an address below a count, or another one.
-TC.whole = (text, count, other) => {
-  const n = Number(text);
-  return text !== undefined && text !== null && Number.isInteger(n) && n >= 0 && n < count
-    ? n
-    : other;
+// A number of the address if it is an index below the count, else the fallback.
+TC.indexBelow = (text, count, fallback) => {
+  const index = Number(text);
+  return text !== undefined &&
+    text !== null &&
+    Number.isInteger(index) &&
+    index >= 0 &&
+    index < count
+    ? index
+    : fallback;
 };
 TC.panel = (...children) => TC.el("div", { class: "panel" }, ...children);
 TC.h3 = (text) => TC.el("h3", {}, text);
 TC.note = (...words) => TC.el("p", { class: "note" }, ...words);
 TC.legend = (...words) => TC.el("p", { class: "legend" }, ...words);
-TC.titled = (words, scale) => words + (scale.unit ? ` [${scale.unit}]` : "");
+TC.withUnit = (text, scale) => text + (scale.unit ? ` [${scale.unit}]` : "");
 // A part of a page under its heading.
 TC.section = function (title, id) {
   const body = TC.el("div", { id });
@@ -77,38 +81,46 @@ TC.swatch = (fill, text) =>
   TC.entry(20, 10, [TC.svgNode("rect", { width: 20, height: 10, fill })], text);
 // Put children into a host without losing the focus of the control that was used.
 TC.fill = function (host, ...children) {
-  const active = document.activeElement;
-  const inside = host.contains(active) ? active.getAttribute("aria-label") : null;
-  host.replaceChildren(...children.flat().filter((c) => c !== null && c !== undefined));
-  if (inside) host.querySelector(`[aria-label="${CSS.escape(inside)}"]`)?.focus();
+  const focused = document.activeElement;
+  const label = host.contains(focused) ? focused.getAttribute("aria-label") : null;
+  host.replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined));
+  if (label) host.querySelector(`[aria-label="${CSS.escape(label)}"]`)?.focus();
 };
 
-TC.MOST_ROWS = 300; // that a table shows; what is saved has all
-// A table that sorts by its columns; columns: {title, get(row), text(row), left, minor}; minor ones are not printed.
+TC.MAX_ROWS = 300; // rows that a table shows; a saved table has all
+// A table that sorts by its columns: {title, get(row), text(row), left, minor}.
+// Minor columns are not printed.
 TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
   const order = rows.slice();
-  const cls = (c) => (c.left ? "text" : "") + (c.minor ? " noprint" : "");
+  const cellClass = (column) => (column.left ? "text" : "") + (column.minor ? " noprint" : "");
   if (columns[sort]) {
     const key = columns[sort].get;
-    const rank = (v) => (typeof v === "number" && Number.isNaN(v) ? -Infinity : v);
+    const rank = (value) => (typeof value === "number" && Number.isNaN(value) ? -Infinity : value);
     order.sort((a, b) => {
-      const u = rank(key(a));
-      const v = rank(key(b));
-      return (u < v ? -1 : u > v ? 1 : 0) * (down ? -1 : 1);
+      const first = rank(key(a));
+      const second = rank(key(b));
+      return (first < second ? -1 : first > second ? 1 : 0) * (down ? -1 : 1);
     });
   }
-  const head = columns.map((c, i) =>
+  const head = columns.map((column, index) =>
     TC.el(
       "th",
-      { class: cls(c), "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
+      {
+        class: cellClass(column),
+        "aria-sort": index === sort ? (down ? "descending" : "ascending") : undefined,
+      },
       TC.el(
         "button",
-        { title: c.long || "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) },
-        c.title + (i === sort ? (down ? " ▼" : " ▲") : ""),
+        {
+          title: column.long || "sort",
+          "aria-label": `sort by ${column.title}`,
+          onclick: () => onsort(index),
+        },
+        column.title + (index === sort ? (down ? " ▼" : " ▲") : ""),
       ),
     ),
   );
-  const body = order.slice(0, TC.MOST_ROWS).map((row) =>
+  const body = order.slice(0, TC.MAX_ROWS).map((row) =>
     TC.el(
       "tr",
       {
@@ -116,8 +128,12 @@ TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
         class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "),
         onclick: pick ? () => pick(row) : undefined,
       },
-      columns.map((c) =>
-        TC.el("td", { class: cls(c) }, c.text ? c.text(row) : TC.number(c.get(row))),
+      columns.map((column) =>
+        TC.el(
+          "td",
+          { class: cellClass(column) },
+          column.text ? column.text(row) : TC.number(column.get(row)),
+        ),
       ),
     ),
   );
@@ -127,13 +143,17 @@ TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
   };
 };
 // A table as it is; look(column, text, row): class of a cell, without a row that of the head.
-TC.plain = function (head, rows, look = () => null) {
-  const line = (tag, row, i) =>
+TC.plainTable = function (head, rows, cellClass = () => null) {
+  const line = (tag, cells, rowIndex) =>
     TC.el(
       "tr",
       {},
-      row.map((t, k) =>
-        TC.el(tag, { class: look(k, t, i) || undefined }, typeof t === "number" ? String(t) : t),
+      cells.map((cell, columnIndex) =>
+        TC.el(
+          tag,
+          { class: cellClass(columnIndex, cell, rowIndex) || undefined },
+          typeof cell === "number" ? String(cell) : cell,
+        ),
       ),
     );
   return TC.el(
@@ -143,28 +163,30 @@ TC.plain = function (head, rows, look = () => null) {
     TC.el(
       "tbody",
       {},
-      rows.map((row, i) => line("td", row, i)),
+      rows.map((row, rowIndex) => line("td", row, rowIndex)),
     ),
   );
 };
-TC.wide = (...table) => TC.el("div", { class: "wide-table" }, TC.plain(...table));
-// What TC.table needs to sort by the state's values of two names; a click on the sorted column turns it round.
-TC.sorting = function (by = "sort", down = "down", first = -1) {
-  const s = TC.state;
-  const sort = s[by] === undefined ? first : Number(s[by]);
-  const turned = Number(s[down]) === 1;
+TC.wideTable = (...table) => TC.el("div", { class: "wide-table" }, TC.plainTable(...table));
+// Options of TC.table that keep column and direction of the order in the state.
+// A click on the sorted column reverses the order.
+TC.sorting = function (columnKey = "sort", directionKey = "down", initial = -1) {
+  const state = TC.state;
+  const column = state[columnKey] === undefined ? initial : Number(state[columnKey]);
+  const isDescending = Number(state[directionKey]) === 1;
   return {
-    sort,
-    down: turned,
-    onsort: (i) => TC.set({ [by]: i, [down]: i === sort && !turned ? 1 : 0 }),
+    sort: column,
+    down: isDescending,
+    onsort: (index) =>
+      TC.set({ [columnKey]: index, [directionKey]: index === column && !isDescending ? 1 : 0 }),
   };
 };
 TC.saveTable = (name, columns, rows) =>
   TC.save(
     name,
     TC.CSV(
-      columns.map((c) => c.csv || c.title),
-      rows.map((row) => columns.map((c) => c.get(row))),
+      columns.map((column) => column.csv || column.title),
+      rows.map((row) => columns.map((column) => column.get(row))),
     ),
   );
 TC.fileName = () => TC.data.file.replace(/\.nc$/, "");
@@ -176,14 +198,14 @@ TC.facts = (pairs) =>
       "tbody",
       {},
       pairs
-        .filter((p) => p[1] !== undefined && p[1] !== "")
-        .map(([k, v]) => TC.el("tr", {}, TC.el("th", {}, k), TC.el("td", {}, v))),
+        .filter((pair) => pair[1] !== undefined && pair[1] !== "")
+        .map(([name, value]) => TC.el("tr", {}, TC.el("th", {}, name), TC.el("td", {}, value))),
     ),
   );
 
 TC.provenance = function (host) {
-  const d = TC.data;
-  const words = {
+  const data = TC.data;
+  const titles = {
     history: "made by",
     source: "program",
     git_commit: "commit of the study",
@@ -192,30 +214,30 @@ TC.provenance = function (host) {
     institution: "institution",
     Conventions: "conventions",
   };
-  const pairs = Object.entries(words)
-    .filter(([k]) => d.provenance[k] && d.provenance[k] !== "unspecified")
-    .map(([k, t]) => [t, d.provenance[k]]);
-  pairs.unshift(["file", d.file]);
+  const pairs = Object.entries(titles)
+    .filter(([key]) => data.provenance[key] && data.provenance[key] !== "unspecified")
+    .map(([key, title]) => [title, data.provenance[key]]);
+  pairs.unshift(["file", data.file]);
   pairs.push(
-    ["solver", `${d.solver}, tolerance ${TC.number(d.tolerance)}`],
+    ["solver", `${data.solver}, tolerance ${TC.number(data.tolerance)}`],
     [
       "versions",
-      Object.entries(d.versions)
-        .map((p) => p.join(" "))
+      Object.entries(data.versions)
+        .map((nameAndVersion) => nameAndVersion.join(" "))
         .join(", "),
     ],
   );
-  if (d.overrides.length) pairs.push(["set on the command line", d.overrides.join("  ")]);
-  const left = {
+  if (data.overrides.length) pairs.push(["set on the command line", data.overrides.join("  ")]);
+  const optionalParts = {
     levels: "contact lines of the coarser levels",
     live: "the data of the live mode",
     body: "temperature and displacement of the body",
     lines: "all contact lines",
   };
-  if (d.without.length)
+  if (data.without.length)
     pairs.push([
       "left out of this page",
-      d.without.map((k) => left[k]).join(", ") + "; the file has it",
+      data.without.map((key) => optionalParts[key]).join(", ") + "; the file has it",
     ]);
   host.append(TC.h3("Where it comes from"), TC.facts(pairs));
   host.append(
@@ -225,10 +247,10 @@ TC.provenance = function (host) {
       TC.el("summary", {}, "The study (YAML)"),
       TC.el(
         "button",
-        { class: "noprint", onclick: () => TC.save("study.yaml", d.yaml, "text/yaml") },
+        { class: "noprint", onclick: () => TC.save("study.yaml", data.yaml, "text/yaml") },
         "download",
       ),
-      TC.el("pre", {}, d.yaml),
+      TC.el("pre", {}, data.yaml),
     ),
   );
 };

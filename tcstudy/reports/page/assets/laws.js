@@ -1,22 +1,23 @@
-// Friction laws as records of kinks and pieces, as in tcstudy/laws: piece k is b0 + q (s − s0) + a exp(−r (s − s0)).
+// Friction laws as records of kinks and pieces, as in tcstudy/laws:
+// piece k is b0 + q (s − s0) + a exp(−r (s − s0)).
 TC.Law = class {
-  // pieces: those of the data; the law f b(s / g) of them.
-  constructor(pieces, f = 1, g = 1) {
-    const of = (values, by) => Float64Array.from(values, (v) => v * by);
-    const K = pieces.kinks.length;
+  // The law strength · b(s / stretch) of the pieces of a law of the data.
+  constructor(pieces, strength = 1, stretch = 1) {
+    const scaled = (values, factor) => Float64Array.from(values, (value) => value * factor);
+    const kinkCount = pieces.kinks.length;
     Object.assign(this, {
       kind: pieces.kinds,
-      kinks: of(pieces.kinks, g),
-      s0: of(pieces.s0, g),
-      b0: of(pieces.b0, f),
-      q: of(pieces.q, f / g),
-      a: of(pieces.a, f),
-      r: of(pieces.r, 1 / g),
+      kinks: scaled(pieces.kinks, stretch),
+      s0: scaled(pieces.s0, stretch),
+      b0: scaled(pieces.b0, strength),
+      q: scaled(pieces.q, strength / stretch),
+      a: scaled(pieces.a, strength),
+      r: scaled(pieces.r, 1 / stretch),
     });
-    this.left = this.kinks.map((s, k) => this.value(s, k));
-    this.right = this.kinks.map((s, k) => this.value(s, k + 1));
-    this.ups = this.kinks.filter((_, k) => this.kind[k] > 0);
-    const ends = [0, K].filter((k) => this.q[k] === 0).map((k) => Math.abs(this.b0[k]));
+    this.left = this.kinks.map((slip, i) => this.value(slip, i));
+    this.right = this.kinks.map((slip, i) => this.value(slip, i + 1));
+    this.ups = this.kinks.filter((_, i) => this.kind[i] > 0);
+    const ends = [0, kinkCount].filter((i) => this.q[i] === 0).map((i) => Math.abs(this.b0[i]));
     this.scale = Math.max(
       0,
       ...Array.from(this.left, Math.abs),
@@ -25,38 +26,42 @@ TC.Law = class {
     );
   }
   // Index of the piece that holds s; at a kink the one to its right (side > 0) or left.
-  piece(s, side) {
-    let lo = 0;
-    let hi = this.kinks.length;
-    while (lo < hi) {
-      const mid = (lo + hi) >> 1;
-      if (side > 0 ? this.kinks[mid] <= s : this.kinks[mid] < s) lo = mid + 1;
-      else hi = mid;
+  piece(slip, side) {
+    let low = 0;
+    let high = this.kinks.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (side > 0 ? this.kinks[middle] <= slip : this.kinks[middle] < slip) low = middle + 1;
+      else high = middle;
     }
-    return lo;
+    return low;
   }
-  value(s, k) {
-    const d = s - this.s0[k];
+  value(slip, piece) {
+    const distance = slip - this.s0[piece];
     return (
-      this.b0[k] + this.q[k] * d + (this.a[k] === 0 ? 0 : this.a[k] * Math.exp(-this.r[k] * d))
+      this.b0[piece] +
+      this.q[piece] * distance +
+      (this.a[piece] === 0 ? 0 : this.a[piece] * Math.exp(-this.r[piece] * distance))
     );
   }
-  slope(s, k) {
+  slope(slip, piece) {
     return (
-      this.q[k] -
-      (this.a[k] === 0 ? 0 : this.a[k] * this.r[k] * Math.exp(-this.r[k] * (s - this.s0[k])))
+      this.q[piece] -
+      (this.a[piece] === 0
+        ? 0
+        : this.a[piece] * this.r[piece] * Math.exp(-this.r[piece] * (slip - this.s0[piece])))
     );
   }
-  b(s, side) {
-    return this.value(s, this.piece(s, side));
+  b(slip, side) {
+    return this.value(slip, this.piece(slip, side));
   }
-  onJump(s) {
-    const k = this.piece(s, -1);
-    return k < this.kinks.length && this.kinks[k] === s && this.kind[k] !== 0;
+  onJump(slip) {
+    const kink = this.piece(slip, -1);
+    return kink < this.kinks.length && this.kinks[kink] === slip && this.kind[kink] !== 0;
   }
-  nextUp(s, direction) {
+  nextUp(slip, direction) {
     return direction > 0
-      ? (this.ups.find((u) => u > s) ?? Infinity)
-      : (this.ups.findLast((u) => u < s) ?? -Infinity);
+      ? (this.ups.find((kink) => kink > slip) ?? Infinity)
+      : (this.ups.findLast((kink) => kink < slip) ?? -Infinity);
   }
 };

@@ -1,6 +1,6 @@
-// The live mode: one point of the sweep to start from, sliders for its loads, the strength of its friction and the slip over
-// which friction changes, solved here at every move as long as ω < λ₁ proves that there is one solution, so that no other
-// state than the file's can appear.
+// The live mode: a point of the sweep, with sliders for its loads, the strength of its friction and
+// the slip over which friction changes. It is solved here at every move of a slider, as long as
+// ω < λ₁ proves that there is one solution: no other state than that of the file can appear.
 TC.live = {
   SLIDERS: {
     load: ["loads ×", -2, 3, false],
@@ -8,54 +8,64 @@ TC.live = {
     slip: ["slip of the law ×", 0.125, 8, true],
   },
   setup() {
-    const L = TC.data.live;
-    if (!L || L.m) return;
-    const m = (L.m = L.c.length);
-    const full = new Float64Array(m * m);
-    for (let i = 0, k = 0; i < m; i++)
-      for (let j = 0; j <= i; j++, k++) full[i * m + j] = full[j * m + i] = L.A[k];
-    Object.assign(L, { A: full, line: TC.data.lines[String(L.level)] });
+    const live = TC.data.live;
+    if (!live || live.m) return;
+    const nodeCount = (live.m = live.c.length);
+    const matrix = new Float64Array(nodeCount * nodeCount);
+    for (let row = 0, entry = 0; row < nodeCount; row++)
+      for (let column = 0; column <= row; column++, entry++)
+        matrix[row * nodeCount + column] = matrix[column * nodeCount + row] = live.A[entry];
+    Object.assign(live, { A: matrix, line: TC.data.lines[String(live.level)] });
   },
-  law: (p) => TC.data.laws.laws[TC.data.laws.index[p]],
+  law: (point) => TC.data.laws.laws[TC.data.laws.index[point]],
   // Why a point cannot be solved here; empty if it can.
-  refused(p) {
-    const law = TC.live.law(p);
-    const L = TC.data.live;
-    if (L.valid[p] !== 1 || !law)
-      return "Its elastic ratio is not that of the matrix in the page, or friction differs along the line.";
-    if (TC.run.proof(p, L.level) !== "unique")
-      return `What is known of it: ${TC.data.proofs[TC.run.proof(p, L.level)]}. Only problems with one solution are solved here; the stored results show its state.`;
+  whyNotSolved(point) {
+    const law = TC.live.law(point);
+    const live = TC.data.live;
+    if (live.valid[point] !== 1 || !law)
+      return (
+        "Its elastic ratio is not that of the matrix in the page, " +
+        "or friction differs along the line."
+      );
+    if (TC.run.proof(point, live.level) !== "unique")
+      return (
+        `What is known of it: ${TC.data.proofs[TC.run.proof(point, live.level)]}. ` +
+        "Only problems with one solution are solved here; the stored results show its state."
+      );
     return "";
   },
-  stiffness(p) {
-    const L = TC.data.live;
-    const by = L.stiffness[p];
-    return by === 1 ? L.A : L.A.map((x) => x * by);
+  stiffness(point) {
+    const live = TC.data.live;
+    const ratio = live.stiffness[point];
+    return ratio === 1 ? live.A : live.A.map((entry) => entry * ratio);
   },
-  base: () => ({ load: 1, strength: 1, slip: 1 }),
+  unchanged: () => ({ load: 1, strength: 1, slip: 1 }),
   // The problem of a point with its mechanical load and its law scaled.
-  problem(p, set) {
-    const L = TC.data.live;
-    const [whole, own] = [L.load, L.mechanical_load].map((all) =>
-      all.subarray(p * L.m, (p + 1) * L.m),
+  problem(point, settings) {
+    const live = TC.data.live;
+    const [totalLoad, mechanicalLoad] = [live.load, live.mechanical_load].map((loads) =>
+      loads.subarray(point * live.m, (point + 1) * live.m),
     );
     return new TC.Problem(
-      TC.live.stiffness(p),
-      Float64Array.from(whole, (x, i) => x + (set.load - 1) * own[i]),
-      L.c,
-      new TC.Law(TC.live.law(p).pieces, set.strength, set.slip),
+      TC.live.stiffness(point),
+      Float64Array.from(
+        totalLoad,
+        (value, node) => value + (settings.load - 1) * mechanicalLoad[node],
+      ),
+      live.c,
+      new TC.Law(TC.live.law(point).pieces, settings.strength, settings.slip),
     );
   },
-  omega: (p, set) =>
-    Number.isFinite(TC.live.law(p).omega)
-      ? (TC.live.law(p).omega * set.strength) / set.slip
+  omega: (point, settings) =>
+    Number.isFinite(TC.live.law(point).omega)
+      ? (TC.live.law(point).omega * settings.strength) / settings.slip
       : Infinity,
-  unique: (p, set) => TC.live.omega(p, set) < TC.data.live.proved[p],
+  unique: (point, settings) => TC.live.omega(point, settings) < TC.data.live.proved[point],
   draw() {
     TC.live.setup();
-    const s = TC.state;
+    const state = TC.state;
     const main = document.getElementById("main");
-    const p = TC.run.flat(s.at);
+    const point = TC.run.pointAt(state.at);
     if (!TC.live.host) {
       const head = TC.el("div", { class: "live" });
       const controls = TC.el("div");
@@ -72,57 +82,64 @@ TC.live = {
           "p",
           {},
           TC.el("b", {}, "Solved now, in this browser"),
-          `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact nodes, where the law falls less steeply than the body is stiff (ω < λ₁), so that there is one solution, and nowhere else. It is accepted by its inclusion residual, which stands beside it.`,
+          `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact ` +
+            "nodes, where the law falls less steeply than the body is stiff (ω < λ₁), so that " +
+            "there is one solution, and nowhere else. It is accepted by its inclusion residual, " +
+            "which stands beside it.",
         ),
       );
       TC.live.host = { controls, left, right };
       TC.live.point = null;
     }
-    if (TC.live.point !== p) {
-      TC.live.point = p;
-      TC.live.set = TC.live.refused(p) ? null : TC.live.restore();
-      TC.live.controls(p);
+    if (TC.live.point !== point) {
+      TC.live.point = point;
+      TC.live.set = TC.live.whyNotSolved(point) ? null : TC.live.restore();
+      TC.live.controls(point);
     }
-    TC.live.show(p);
+    TC.live.show(point);
   },
   // Settings from the address.
   restore() {
-    const given = String(TC.state.set || TC.readState().set || "")
+    const settings = String(TC.state.set || TC.readState().set || "")
       .split(",")
       .map(Number);
-    return given.length === 3 && given.every((v, k) => Number.isFinite(v) && (k === 0 || v > 0))
-      ? { load: given[0], strength: given[1], slip: given[2] }
-      : TC.live.base();
+    return settings.length === 3 &&
+      settings.every((value, k) => Number.isFinite(value) && (k === 0 || value > 0))
+      ? { load: settings[0], strength: settings[1], slip: settings[2] }
+      : TC.live.unchanged();
   },
-  controls(p) {
-    const r = TC.data.run;
-    const s = TC.state;
-    const L = TC.data.live;
-    const picks = TC.el("div", { class: "controls" });
+  controls(point) {
+    const run = TC.data.run;
+    const state = TC.state;
+    const live = TC.data.live;
+    const choices = TC.el("div", { class: "controls" });
     const sliders = TC.el("div", { class: "sliders" });
-    if (r.grid)
-      for (const a of r.varied) {
-        const d = TC.run.dim(a.name);
-        picks.append(
+    if (run.grid)
+      for (const axis of run.varied) {
+        const dimension = TC.run.dimensionOf(axis.name);
+        choices.append(
           TC.choice(
-            `start from ${TC.symbol(a.name)}`,
-            a.values.map((_, i) => [i, TC.axisText(a, i)]),
-            s.at[d],
-            (v) => {
-              const at = s.at.slice();
-              at[d] = Number(v);
+            `start from ${TC.symbol(axis.name)}`,
+            axis.values.map((_, index) => [index, TC.axisText(axis, index)]),
+            state.at[dimension],
+            (value) => {
+              const at = state.at.slice();
+              at[dimension] = Number(value);
               TC.set({ at, set: null });
             },
           ),
         );
       }
-    else if (r.points > 1)
-      picks.append(
-        TC.slider("start from point", { length: r.points, at: (k) => `${k + 1}` }, s.at[0], (i) =>
-          TC.set({ at: [i], set: null }),
+    else if (run.points > 1)
+      choices.append(
+        TC.slider(
+          "start from point",
+          { length: run.points, at: (index) => `${index + 1}` },
+          state.at[0],
+          (index) => TC.set({ at: [index], set: null }),
         ),
       );
-    picks.append(
+    choices.append(
       TC.el(
         "button",
         {
@@ -135,39 +152,51 @@ TC.live = {
         "reset sliders",
       ),
     );
-    TC.fill(TC.live.host.controls, picks, sliders);
+    TC.fill(TC.live.host.controls, choices, sliders);
     if (!TC.live.set) {
       sliders.append(
-        TC.el("p", { class: "bad" }, `This point is not solved here. ${TC.live.refused(p)}`),
+        TC.el(
+          "p",
+          { class: "bad" },
+          `This point is not solved here. ${TC.live.whyNotSolved(point)}`,
+        ),
       );
       return;
     }
-    const loaded = L.mechanical_load.subarray(p * L.m, (p + 1) * L.m).some((x) => x !== 0);
-    for (const [key, about] of Object.entries(TC.live.SLIDERS))
-      if (key !== "load" || loaded) sliders.append(TC.live.slider(key, ...about));
+    const loaded = live.mechanical_load
+      .subarray(point * live.m, (point + 1) * live.m)
+      .some((value) => value !== 0);
+    for (const [key, slider] of Object.entries(TC.live.SLIDERS))
+      if (key !== "load" || loaded) sliders.append(TC.live.slider(key, ...slider));
   },
-  slider(key, label, lo, hi, log) {
-    const set = TC.live.set;
-    const n = 400;
-    const to = (v) => (log ? Math.log(v / lo) / Math.log(hi / lo) : (v - lo) / (hi - lo)) * n;
-    const from = (x) => (log ? lo * (hi / lo) ** (x / n) : lo + ((hi - lo) * x) / n);
-    const out = TC.el("output", {}, TC.number(set[key], 3));
+  slider(key, label, low, high, isLogarithmic) {
+    const settings = TC.live.set;
+    const steps = 400;
+    const position = (value) =>
+      (isLogarithmic
+        ? Math.log(value / low) / Math.log(high / low)
+        : (value - low) / (high - low)) * steps;
+    const valueAt = (position) =>
+      isLogarithmic
+        ? low * (high / low) ** (position / steps)
+        : low + ((high - low) * position) / steps;
+    const output = TC.el("output", {}, TC.number(settings[key], 3));
     const range = TC.el("input", {
       type: "range",
       min: 0,
-      max: n,
+      max: steps,
       step: "any",
       "aria-label": label,
     });
-    range.value = to(set[key]);
+    range.value = position(settings[key]);
     range.addEventListener("input", () => {
-      set[key] = from(Number(range.value));
-      out.textContent = TC.number(set[key], 3);
-      TC.live.moved();
+      settings[key] = valueAt(Number(range.value));
+      output.textContent = TC.number(settings[key], 3);
+      TC.live.scheduleShow();
     });
-    return TC.el("label", { class: "slider" }, TC.el("span", {}, `${label} `, out), range);
+    return TC.el("label", { class: "slider" }, TC.el("span", {}, `${label} `, output), range);
   },
-  moved() {
+  scheduleShow() {
     if (TC.live.waiting) return;
     TC.live.waiting = true;
     requestAnimationFrame(() => {
@@ -177,41 +206,43 @@ TC.live = {
       TC.live.show(TC.live.point);
     });
   },
-  show(p) {
+  show(point) {
     const { left, right } = TC.live.host;
-    const set = TC.live.set;
-    const L = TC.data.live;
+    const settings = TC.live.set;
+    const live = TC.data.live;
     TC.live.answer = null;
     TC.fill(left);
     TC.fill(right);
-    if (!set) return;
+    if (!settings) return;
     const units = TC.data.unit_system === "none" ? "1" : "Pa m-1";
-    const omega = TC.live.omega(p, set);
-    const line = L.line;
-    const numbers = `λ₁ = ${TC.quantity(L.lambda_1[p], units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`;
-    const law = (cases) =>
+    const omega = TC.live.omega(point, settings);
+    const line = live.line;
+    const lambdaText = TC.quantity(live.lambda_1[point], units);
+    const omegaText = omega === Infinity ? "∞" : TC.quantity(omega, units);
+    const numberText = `λ₁ = ${lambdaText}, ω = ${omegaText}`;
+    const lawPlot = (solutions) =>
       TC.point.lawPlot(
         TC.width(right),
         "The law, and where every node stands",
-        TC.live.law(p),
-        cases,
+        TC.live.law(point),
+        solutions,
         line,
-        set.strength,
-        set.slip,
+        settings.strength,
+        settings.slip,
       );
-    if (!TC.live.unique(p, set)) {
+    if (!TC.live.unique(point, settings)) {
       TC.fill(
         right,
         TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved here: ω is not below λ₁")),
-        TC.note(`${numbers}; soften the fall of the law, or look at the stored results`),
-        law([]),
+        TC.note(`${numberText}; soften the fall of the law, or look at the stored results`),
+        lawPlot([]),
       );
       return;
     }
-    const problem = TC.live.problem(p, set);
-    const begun = performance.now();
+    const problem = TC.live.problem(point, settings);
+    const startTime = performance.now();
     const answer = TC.solve(problem);
-    const time = performance.now() - begun;
+    const duration = performance.now() - startTime;
     if (!answer.converged) {
       TC.fill(
         right,
@@ -221,23 +252,26 @@ TC.live = {
           TC.el("span", { class: "badge bad" }, "no solution found"),
           ` residual ${TC.number(answer.residual, 2)}`,
         ),
-        TC.note(numbers),
+        TC.note(numberText),
       );
       return;
     }
     TC.live.answer = answer;
-    const stored = Object.values(set).every((v) => v === 1) ? TC.point.contact(line, p) : null;
-    const one = {
+    const largestSlip = Math.max(...answer.v.map(Math.abs));
+    const stored = Object.values(settings).every((value) => value === 1)
+      ? TC.point.contact(line, point)
+      : null;
+    const solution = {
       line,
       u: answer.v,
-      xi: answer.xi.map((x, i) => x / L.c[i]),
+      xi: answer.xi.map((value, node) => value / live.c[node]),
       state: answer.rests.map((rests) => (rests ? 0 : 1)),
-      held: TC.point.contact(line, p).held,
+      held: TC.point.contact(line, point).held,
     };
     TC.point.profiles(
       left,
       line,
-      stored ? [one, stored] : [one],
+      stored ? [solution, stored] : [solution],
       { ...TC.point.frame(line, TC.width(left)), shape: false },
       stored ? "dashed: the stored solution of this point" : "",
     );
@@ -247,12 +281,10 @@ TC.live = {
         "p",
         {},
         TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)"),
-        ` residual ${TC.number(answer.residual, 2)}, ${TC.number(time, 2)} ms`,
+        ` residual ${TC.number(answer.residual, 2)}, ${TC.number(duration, 2)} ms`,
       ),
-      TC.note(
-        `${numbers}; largest |u_T| = ${TC.quantity(Math.max(...answer.v.map(Math.abs)), line.u_T_units)}`,
-      ),
-      law([one]),
+      TC.note(`${numberText}; largest |u_T| = ${TC.quantity(largestSlip, line.u_T_units)}`),
+      lawPlot([solution]),
     );
   },
 };

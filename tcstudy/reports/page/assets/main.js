@@ -1,7 +1,7 @@
 // Start: decode, restore the state from the address, draw, listen.
 TC.draw = function () {
-  const d = TC.data;
-  if (d.sections) TC.sections(document.getElementById("main"), d.sections);
+  const data = TC.data;
+  if (data.sections) TC.sections(document.getElementById("main"), data.sections);
   else if (TC.state.mode === "live") TC.live.draw();
   else TC.run.draw();
   for (const button of document.querySelectorAll("#modes button"))
@@ -11,23 +11,23 @@ TC.draw = function () {
 TC.sections = function (main, sections) {
   if (!TC.sections.hosts) {
     main.replaceChildren();
-    TC.sections.hosts = sections.map((one) => TC.section(one.title, one.id));
+    TC.sections.hosts = sections.map((section) => TC.section(section.title, section.id));
     TC.provenance(TC.section("The study", "study"));
   }
-  sections.forEach((one, k) => TC.show(TC.sections.hosts[k], one.parts));
+  sections.forEach((section, index) => TC.show(TC.sections.hosts[index], section.parts));
 };
 TC.theme = (name) => (document.documentElement.dataset.theme = TC.state.theme = name);
 TC.restore = function () {
-  const given = TC.readState();
+  const stored = TC.readState();
   Object.keys(TC.state).forEach((key) => delete TC.state[key]);
-  if (given.theme) TC.theme(given.theme);
-  if (TC.data.run) TC.run.setup(given);
-  else Object.assign(TC.state, given);
+  if (stored.theme) TC.theme(stored.theme);
+  if (TC.data.run) TC.run.setup(stored);
+  else Object.assign(TC.state, stored);
 };
 TC.start = async function () {
-  const d = (TC.data = await TC.decode(document.getElementById("data").textContent));
+  const data = (TC.data = await TC.decode(document.getElementById("data").textContent));
   const verdict = document.getElementById("verdict");
-  const how = d.verdict.how;
+  const how = data.verdict.how;
   const kinds = {
     run: "a parametric study",
     convergence: "convergence of a study",
@@ -36,26 +36,26 @@ TC.start = async function () {
     history: "a load history",
     fit: "numbers from measurements",
   };
-  document.getElementById("kind").textContent = `tcstudy: ${kinds[d.kind]}`;
-  verdict.classList.toggle("bad", !d.verdict.ok);
+  document.getElementById("kind").textContent = `tcstudy: ${kinds[data.kind]}`;
+  verdict.classList.toggle("bad", !data.verdict.ok);
   document.getElementById("how").textContent = how ? `${how[0].toUpperCase()}${how.slice(1)}.` : "";
   TC.restore();
-  const anew = () => {
+  const clearPage = () => {
     TC.run.host = TC.live.host = TC.sections.hosts = null;
     document.getElementById("main").replaceChildren();
   };
-  if (d.live) {
+  if (data.live) {
     const nav = document.getElementById("modes");
-    const go = (mode) => () => {
-      anew();
+    const showMode = (mode) => () => {
+      clearPage();
       TC.set({ mode });
     };
     nav.hidden = false;
     nav.append(
-      TC.el("button", { value: "", role: "tab", onclick: go("") }, "Stored results"),
+      TC.el("button", { value: "", role: "tab", onclick: showMode("") }, "Stored results"),
       TC.el(
         "button",
-        { value: "live", role: "tab", onclick: go("live") },
+        { value: "live", role: "tab", onclick: showMode("live") },
         "Explore live: solve here, in the browser",
       ),
     );
@@ -72,57 +72,58 @@ TC.start = async function () {
   });
   window.addEventListener("hashchange", () => {
     TC.restore();
-    anew();
+    clearPage();
     TC.draw();
   });
   document.getElementById("theme").addEventListener("click", TC.toggle);
-  document.getElementById("help").addEventListener("click", TC.keys);
-  document.addEventListener("keydown", (e) => {
+  document.getElementById("help").addEventListener("click", TC.showKeys);
+  document.addEventListener("keydown", (event) => {
     if (
-      e.ctrlKey ||
-      e.metaKey ||
-      e.altKey ||
+      event.ctrlKey ||
+      event.metaKey ||
+      event.altKey ||
       /^(INPUT|SELECT|TEXTAREA)$/.test(document.activeElement.tagName)
     )
       return;
-    const s = TC.state;
-    const run = d.run && s.mode !== "live";
-    const act = {
+    const state = TC.state;
+    const isRunShown = data.run && state.mode !== "live";
+    const action = {
       d: TC.toggle,
-      "?": TC.keys,
+      "?": TC.showKeys,
       "[": () => TC.step(-1),
       "]": () => TC.step(1),
-      c: () => run && !d.steps && TC.set({ vs: s.vs ? null : s.at.slice() }),
+      c: () => isRunShown && !data.steps && TC.set({ vs: state.vs ? null : state.at.slice() }),
       q: () => {
-        if (run) {
-          const names = Object.keys(d.run.numbers);
-          TC.set({ q: names[(names.indexOf(s.q) + 1) % names.length] });
+        if (isRunShown) {
+          const quantities = Object.keys(data.run.numbers);
+          TC.set({ q: quantities[(quantities.indexOf(state.q) + 1) % quantities.length] });
         }
       },
-    }[e.key];
-    if (act) {
-      e.preventDefault();
-      act();
+    }[event.key];
+    if (action) {
+      event.preventDefault();
+      action();
     }
   });
   document.documentElement.dataset.ready = "1";
 };
 // One level, or state (a step, a vertex of a path, a datum), on or back.
-TC.step = function (by) {
-  const s = TC.state;
-  const to = (v, count) => Math.max(0, Math.min(count - 1, v + by));
-  if (TC.count) TC.set({ step: to(s.step, TC.count) });
-  else if (TC.data.run && s.mode !== "live") TC.set({ level: to(s.level, TC.data.run.nlevels) });
+TC.step = function (change) {
+  const state = TC.state;
+  const moved = (value, count) => Math.max(0, Math.min(count - 1, value + change));
+  if (TC.stateCount) TC.set({ step: moved(state.step, TC.stateCount) });
+  else if (TC.data.run && state.mode !== "live")
+    TC.set({ level: moved(state.level, TC.data.run.nlevels) });
 };
 TC.toggle = function () {
-  const dark = document.documentElement.dataset.theme
+  const isDark = document.documentElement.dataset.theme
     ? document.documentElement.dataset.theme === "dark"
     : matchMedia("(prefers-color-scheme: dark)").matches;
-  TC.theme(dark ? "light" : "dark");
+  TC.theme(isDark ? "light" : "dark");
   TC.writeState();
   TC.draw();
 };
-TC.keys = () => document.getElementById("keys").showModal();
+TC.showKeys = () => document.getElementById("keys").showModal();
 TC.start().catch((error) => {
   document.getElementById("main").textContent =
     `The page cannot be drawn: ${error}. It needs a browser of 2023 or later.`;

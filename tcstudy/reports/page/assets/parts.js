@@ -1,288 +1,318 @@
-// Parts of a page as the data have them: panels, tables, sheets of columns, states of the contact line.
+// Parts of a page, as the data have them: panels, tables, sheets of columns, states of the contact
+// line.
+
 // Puts parts into a host; lists that scroll stay where they are.
 TC.show = function (host, parts, ...before) {
   const width = TC.width(host);
-  const tops = [...host.querySelectorAll(".scroll")].map((box) => box.scrollTop);
+  const scrollPositions = [...host.querySelectorAll(".scroll")].map((box) => box.scrollTop);
   TC.fill(
     host,
     ...before,
-    parts.map((one) => TC.part[one.part](one, width)),
+    parts.map((part) => TC.part[part.part](part, width)),
   );
-  host.querySelectorAll(".scroll").forEach((box, k) => {
-    box.scrollTop = tops[k] || 0;
+  host.querySelectorAll(".scroll").forEach((box, index) => {
+    box.scrollTop = scrollPositions[index] || 0;
   });
 };
-TC.count = 0; // of the states that a slider counts
+TC.stateCount = 0; // states of the slider; 0 where the page has no slider of states
 
 TC.part = {
-  text(p) {
-    const notes = p.lines.map((line) => TC.note(line));
-    const rest =
+  text(part) {
+    const notes = part.lines.map((line) => TC.note(line));
+    const hiddenNotes =
       notes.length > 12
         ? TC.el("details", {}, TC.el("summary", {}, `${notes.length - 8} more`), notes.splice(8))
         : null;
-    return TC.el("div", {}, notes, rest);
+    return TC.el("div", {}, notes, hiddenNotes);
   },
-  table(p) {
-    const left = p.head.map((_, k) => !p.rows.every((row) => /^$|^[-+–∞−(\d]/.test(row[k])));
+  table(part) {
+    const isText = part.head.map(
+      (_, column) => !part.rows.every((row) => /^$|^[-+–∞−(\d]/.test(row[column])),
+    );
     return TC.el(
       "div",
       {},
-      p.caption ? TC.h3(p.caption) : null,
-      TC.wide(p.head, p.rows, (k) => left[k] && "text"),
-      p.notes.map((note) => TC.note(note)),
+      part.caption ? TC.h3(part.caption) : null,
+      TC.wideTable(part.head, part.rows, (column) => isText[column] && "text"),
+      part.notes.map((note) => TC.note(note)),
     );
   },
-  beside(p, width) {
-    const two = width > 760 && p.parts.length > 1;
+  beside(part, width) {
+    const hasTwoColumns = width > 760 && part.parts.length > 1;
     return TC.el(
       "div",
-      { class: two ? "columns" : "" },
-      p.parts.map((one) =>
-        TC.panel(TC.part[one.part](one, two ? Math.floor(width / 2 - 14) : width)),
+      { class: hasTwoColumns ? "columns" : "" },
+      part.parts.map((child) =>
+        TC.panel(TC.part[child.part](child, hasTwoColumns ? Math.floor(width / 2 - 14) : width)),
       ),
     );
   },
   // One of several lists of parts.
-  choice(p, width) {
-    const k = Math.max(0, p.options.indexOf(TC.state[p.key]));
+  choice(part, width) {
+    const chosen = Math.max(0, part.options.indexOf(TC.state[part.key]));
     return TC.el(
       "div",
       {},
-      p.options.length > 1
+      part.options.length > 1
         ? TC.el(
             "div",
             { class: "controls noprint" },
             TC.choice(
-              p.label,
-              p.options.map((one) => [one, one]),
-              p.options[k],
-              (one) => TC.set({ [p.key]: one }),
+              part.label,
+              part.options.map((option) => [option, option]),
+              part.options[chosen],
+              (option) => TC.set({ [part.key]: option }),
             ),
           )
         : null,
-      p.parts[k].map((one) => TC.part[one.part](one, width)),
+      part.parts[chosen].map((option) => TC.part[option.part](option, width)),
     );
   },
-  states(p) {
-    TC.count = p.texts.length;
-    TC.state.step = TC.whole(TC.state.step, TC.count, p.first);
+  states(part) {
+    TC.stateCount = part.texts.length;
+    TC.state.step = TC.indexBelow(TC.state.step, TC.stateCount, part.first);
     return TC.el(
       "div",
       { class: "controls noprint" },
-      TC.slider(p.label, p.texts, TC.state.step, (step) => TC.set({ step })),
+      TC.slider(part.label, part.texts, TC.state.step, (step) => TC.set({ step })),
     );
   },
-  facts: (p) =>
+  facts: (part) =>
     TC.facts(
-      p.columns.map((c) => [
-        c.title,
-        typeof c.v[TC.state.step] === "number"
-          ? TC.quantity(c.v[TC.state.step], c.units)
-          : c.v[TC.state.step],
+      part.columns.map((column) => [
+        column.title,
+        typeof column.v[TC.state.step] === "number"
+          ? TC.quantity(column.v[TC.state.step], column.units)
+          : column.v[TC.state.step],
       ]),
     ),
 
   panel(given, width) {
-    const p = { ...given, items: given.items.map(TC.looks) };
-    const range = (k) => {
-      const axis = "xy"[k];
-      const plain = ["line", "marks", "fill", "cells", "arrow"];
-      const values = p.items
-        .filter((i) => plain.includes(i.kind) || (k && i.kind === "across"))
-        .flatMap((i) =>
+    const panel = { ...given, items: given.items.map(TC.svgLook) };
+    const range = (axisIndex) => {
+      const axis = "xy"[axisIndex];
+      const kindsInRange = ["line", "marks", "fill", "cells", "arrow"];
+      const values = panel.items
+        .filter((item) => kindsInRange.includes(item.kind) || (axisIndex && item.kind === "across"))
+        .flatMap((item) =>
           TC.range(
-            Array.from(i[axis]).filter((v) => !p.log[k] || v > 0),
+            Array.from(item[axis]).filter((value) => !panel.log[axisIndex] || value > 0),
             [],
           ),
         );
-      const found = TC.pad(
-        TC.range(values, p.log[k] ? [1, 10] : [0, 1]),
-        p.items.some((i) => i.kind === "cells") ? 0 : 0.06,
-        p.log[k],
+      const padded = TC.pad(
+        TC.range(values, panel.log[axisIndex] ? [1, 10] : [0, 1]),
+        panel.items.some((item) => item.kind === "cells") ? 0 : 0.06,
+        panel.log[axisIndex],
       );
-      const given = p.limits[k] || [null, null];
-      return found.map((v, e) => given[e] ?? v);
+      const limits = panel.limits[axisIndex] || [null, null];
+      return padded.map((value, end) => limits[end] ?? value);
     };
-    const ticks = p.ticks
-      ? p.ticks[0].map((at, i) => [at, p.ticks[1][i]]).sort((a, b) => a[0] - b[0])
+    const ticks = panel.ticks
+      ? panel.ticks[0]
+          .map((position, index) => [position, panel.ticks[1][index]])
+          .sort((first, second) => first[0] - second[0])
       : null;
     const plot = new TC.Plot({
       width,
-      height: p.high,
+      height: panel.high,
       x: range(0),
       y: range(1),
-      xlog: p.log[0],
-      ylog: p.log[1],
-      xlabel: p.labels[0],
-      ylabel: p.labels[1],
-      label: p.title || p.labels[1],
+      xlog: panel.log[0],
+      ylog: panel.log[1],
+      xlabel: panel.labels[0],
+      ylabel: panel.labels[1],
+      label: panel.title || panel.labels[1],
       margin: { left: 70, right: 16, top: 12, bottom: 46 },
-      xticks: ticks && ticks.map((t) => t[0]),
-      xtext: ticks && ((v) => ticks.find((t) => t[0] === v)[1]),
+      xticks: ticks && ticks.map((tick) => tick[0]),
+      xtext: ticks && ((value) => ticks.find((tick) => tick[0] === value)[1]),
     });
-    const key = new Map();
-    for (const item of p.items) TC.draw_item[item.kind](plot, item, key, p.items);
-    if (p.at) {
-      const [x, y] = p.at;
-      const s = TC.state.step;
-      const places = [...x.keys()].filter((i) => Number.isFinite(x[i]) && Number.isFinite(y[i]));
-      if (places.includes(s))
+    const legend = new Map();
+    for (const item of panel.items) TC.drawItem[item.kind](plot, item, legend, panel.items);
+    if (panel.at) {
+      const [xs, ys] = panel.at;
+      const step = TC.state.step;
+      const states = [...xs.keys()].filter(
+        (item) => Number.isFinite(xs[item]) && Number.isFinite(ys[item]),
+      );
+      if (states.includes(step))
         plot.dot(
-          x[s],
-          y[s],
+          xs[step],
+          ys[step],
           { r: 9, fill: "none", stroke: "var(--ink)", "stroke-width": 2.2 },
           "the state that is chosen",
         );
       plot.svg.style.cursor = "pointer";
-      plot.svg.addEventListener("click", (e) => {
-        const box = plot.svg.getBoundingClientRect();
-        const far = (i) =>
-          Math.hypot(plot.px(x[i]) - e.clientX + box.left, plot.py(y[i]) - e.clientY + box.top);
-        TC.set({ step: places.reduce((best, i) => (far(i) < far(best) ? i : best), places[0]) });
+      plot.svg.addEventListener("click", (event) => {
+        const bounds = plot.svg.getBoundingClientRect();
+        const distance = (item) =>
+          Math.hypot(
+            plot.px(xs[item]) - event.clientX + bounds.left,
+            plot.py(ys[item]) - event.clientY + bounds.top,
+          );
+        TC.set({
+          step: states.reduce(
+            (nearest, item) => (distance(item) < distance(nearest) ? item : nearest),
+            states[0],
+          ),
+        });
       });
     }
     return TC.el(
       "div",
       {},
-      p.title ? TC.h3(p.title) : null,
+      panel.title ? TC.h3(panel.title) : null,
       plot.svg,
-      key.size
+      legend.size
         ? TC.el(
             "div",
             { class: "legend" },
-            [...key.values()],
-            p.at ? "ring: the state that is chosen" : "",
+            [...legend.values()],
+            panel.at ? "ring: the state that is chosen" : "",
           )
         : null,
     );
   },
 
-  sheet(p, width) {
-    const s = TC.state;
-    const short = TC.short;
-    const rows = [...p.columns[0].v.keys()];
-    const numeric = p.columns.filter((c) => typeof c.v[0] === "number");
-    const columns = p.columns.map((c, k) => {
+  sheet(part, width) {
+    const state = TC.state;
+    const short = TC.shortName;
+    const rows = [...part.columns[0].v.keys()];
+    const numeric = part.columns.filter((column) => typeof column.v[0] === "number");
+    const columns = part.columns.map((column, index) => {
       // more than seven do not fit on paper
-      const number = numeric.includes(c);
-      const scale = number ? TC.scale(c.v, c.units) : { by: 1, unit: "" };
+      const isNumber = numeric.includes(column);
+      const scale = isNumber ? TC.scale(column.v, column.units) : { by: 1, unit: "" };
       return {
-        minor: k > 6,
-        title: TC.titled(short(c), scale),
-        long: c.title,
-        csv: c.name + (c.units !== "1" ? ` [${c.units}]` : ""),
-        left: !number,
-        get: (i) => c.v[i],
-        text: (i) => (number ? TC.number(c.v[i] / scale.by, 5) : c.v[i]),
-        name: c.name,
+        minor: index > 6,
+        title: TC.withUnit(short(column), scale),
+        long: column.title,
+        csv: column.name + (column.units !== "1" ? ` [${column.units}]` : ""),
+        left: !isNumber,
+        get: (row) => column.v[row],
+        text: (row) => (isNumber ? TC.number(column.v[row] / scale.by, 5) : column.v[row]),
+        name: column.name,
         scale,
       };
     });
-    const states = p.states
-      ? { chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) }
+    const stateOptions = part.states
+      ? { chosen: (row) => row === state.step, pick: (step) => TC.set({ step }) }
       : {};
-    const t = TC.table({
+    const table = TC.table({
       columns,
       rows,
-      ...TC.sorting(`${p.file}_by`, `${p.file}_down`),
-      ...states,
+      ...TC.sorting(`${part.file}_by`, `${part.file}_down`),
+      ...stateOptions,
     });
     const button = TC.el(
       "button",
       {
         "aria-label": "csv",
-        onclick: () => TC.saveTable(`${TC.fileName()}-${p.file}.csv`, columns, t.order),
+        onclick: () => TC.saveTable(`${TC.fileName()}-${part.file}.csv`, columns, table.order),
       },
       "Download as CSV",
     );
     return TC.el(
       "div",
       {},
-      p.chart ? TC.part.chart(p, numeric, columns, width) : null,
+      part.chart ? TC.part.chart(part, numeric, columns, width) : null,
       TC.el(
         "div",
         { class: "controls noprint" },
         button,
-        p.states ? TC.el("span", { class: "note" }, "a click on a row chooses it") : null,
+        part.states ? TC.el("span", { class: "note" }, "a click on a row chooses it") : null,
       ),
-      TC.el("div", { class: "scroll" }, t.node),
+      TC.el("div", { class: "scroll" }, table.node),
     );
   },
   // Any column of a sheet over any other.
-  chart(p, numeric, columns, width) {
-    const short = TC.short;
-    const [x, y] = [0, 1].map(
-      (k) =>
-        numeric.find((c) => c.name === TC.state["xy"[k] + "of"]) ||
-        numeric.find((c) => c.name === p.chart[k]),
+  chart(part, numeric, columns, width) {
+    const short = TC.shortName;
+    const [xColumn, yColumn] = [0, 1].map(
+      (index) =>
+        numeric.find((column) => column.name === TC.state["xy"[index] + "of"]) ||
+        numeric.find((column) => column.name === part.chart[index]),
     );
-    const scales = [x, y].map((c) => columns.find((o) => o.name === c.name).scale);
-    const drawn = [x, y].map((c, k) => Array.from(c.v, (v) => v / scales[k].by));
-    const options = numeric.map((c) => [c.name, c.title]);
-    const items = [{ kind: "line", x: drawn[0], y: drawn[1], colour: "var(--c1)", width: 1.8 }];
-    const labels = [x, y].map((c, k) => TC.titled(short(c), scales[k]));
+    const scales = [xColumn, yColumn].map(
+      (column) => columns.find((shown) => shown.name === column.name).scale,
+    );
+    const scaledValues = [xColumn, yColumn].map((column, index) =>
+      Array.from(column.v, (value) => value / scales[index].by),
+    );
+    const options = numeric.map((column) => [column.name, column.title]);
+    const items = [
+      { kind: "line", x: scaledValues[0], y: scaledValues[1], colour: "var(--c1)", width: 1.8 },
+    ];
+    const labels = [xColumn, yColumn].map((column, index) =>
+      TC.withUnit(short(column), scales[index]),
+    );
     return TC.el(
       "div",
       {},
       TC.el(
         "div",
         { class: "controls noprint" },
-        TC.choice("draw", options, y.name, (yof) => TC.set({ yof })),
-        TC.choice("over", options, x.name, (xof) => TC.set({ xof })),
+        TC.choice("draw", options, yColumn.name, (yof) => TC.set({ yof })),
+        TC.choice("over", options, xColumn.name, (xof) => TC.set({ xof })),
       ),
       TC.part.panel(
         {
-          title: `${short(y)} over ${short(x)}`,
+          title: `${short(yColumn)} over ${short(xColumn)}`,
           labels,
           log: [false, false],
           limits: [null, null],
           items,
           high: 260,
-          at: p.states ? drawn : null,
+          at: part.states ? scaledValues : null,
         },
         Math.min(width, 760),
       ),
     );
   },
 
-  line(p, width) {
-    const line = { ...p.line, moves: p.moves };
-    const m = line.x.length;
-    const k = TC.state.step;
+  line(part, width) {
+    const line = { ...part.line, moves: part.moves };
+    const nodeCount = line.x.length;
+    const index = TC.state.step;
     const host = TC.el("div");
-    const one = {
+    const solution = {
       line,
-      u: TC.row(line.u_T, k),
-      xi: TC.row(line.xi, k),
-      N: line.N && TC.row(line.N, k),
-      state: p.state.subarray(k * m, (k + 1) * m),
+      u: TC.row(line.u_T, index),
+      xi: TC.row(line.xi, index),
+      N: line.N && TC.row(line.N, index),
+      state: part.state.subarray(index * nodeCount, (index + 1) * nodeCount),
     };
-    TC.point.profiles(host, line, [one], { ...TC.point.frame(line, width), shape: false }, "");
-    if (p.law)
+    TC.point.profiles(host, line, [solution], { ...TC.point.frame(line, width), shape: false }, "");
+    if (part.law)
       host.append(
-        TC.point.lawPlot(Math.min(width, 560), `Friction law (${p.law.name})`, p.law, [one], line),
+        TC.point.lawPlot(
+          Math.min(width, 560),
+          `Friction law (${part.law.name})`,
+          part.law,
+          [solution],
+          line,
+        ),
       );
     return host;
   },
 };
 
-// The look of an item, by matplotlib's names, as attributes of SVG; what is one already stays.
-TC.looks = function (i) {
-  const dash = i.linestyle ?? "-";
-  const open = i.fillstyle === "none" || ["white", "none"].includes(i.markerfacecolor);
+// The look of an item: matplotlib's names become attributes of SVG, which stay as they are.
+TC.svgLook = function (item) {
+  const dash = item.linestyle ?? "-";
+  const isOpen = item.fillstyle === "none" || ["white", "none"].includes(item.markerfacecolor);
   return {
-    colour: i.color,
-    width: i.linewidth && 1.5 * i.linewidth,
+    colour: item.color,
+    width: item.linewidth && 1.5 * item.linewidth,
     dash:
       typeof dash === "string"
         ? { "--": "7 4", ":": "1 3", none: "none" }[dash]
-        : dash[1].map((part) => 2 * part).join(" "),
-    mark: i.marker,
-    size: 0.7 * (i.markersize ?? 4),
-    open,
-    anchor: { right: "end", center: "middle" }[i.ha],
-    ...i,
+        : dash[1].map((length) => 2 * length).join(" "),
+    mark: item.marker,
+    size: 0.7 * (item.markersize ?? 4),
+    open: isOpen,
+    anchor: { right: "end", center: "middle" }[item.ha],
+    ...item,
   };
 };
 TC.MARKS = {
@@ -297,138 +327,160 @@ TC.MARKS = {
   ">": "triangle",
   v: "triangle",
 };
-TC.look = (i) => ({
-  stroke: i.colour,
-  "stroke-width": i.width || 1.5,
-  "stroke-dasharray": i.dash,
-  opacity: i.alpha,
+TC.strokeLook = (item) => ({
+  stroke: item.colour,
+  "stroke-width": item.width || 1.5,
+  "stroke-dasharray": item.dash,
+  opacity: item.alpha,
 });
-// What a panel has, each kind in its own way; key: entries by label.
-TC.draw_item = {
-  line(plot, i, key) {
-    const joined = i.dash !== "none";
-    const mark =
-      i.mark &&
+// Draws an item of a panel, by its kind, and adds its entry to the legend, by its label.
+TC.drawItem = {
+  line(plot, item, legend) {
+    const isJoined = item.dash !== "none";
+    const drawMark =
+      item.mark &&
       ((x, y) =>
-        TC.marker(TC.MARKS[i.mark], x, y, i.size, {
-          fill: i.open ? "var(--bg)" : i.colour,
-          stroke: i.colour,
+        TC.marker(TC.MARKS[item.mark], x, y, item.size, {
+          fill: item.open ? "var(--bg)" : item.colour,
+          stroke: item.colour,
           "stroke-width": 1.4,
-          opacity: i.alpha,
+          opacity: item.alpha,
           class: "mark",
         }));
-    if (joined) plot.line(i.x, i.y, TC.look(i));
-    const every = Math.ceil(i.x.length / 2000);
-    if (mark)
-      for (let k = 0; k < i.x.length; k += every)
-        if (Number.isFinite(i.x[k]) && Number.isFinite(i.y[k]))
-          plot.inner.append(mark(plot.px(i.x[k]), plot.py(i.y[k])));
-    if (i.label)
-      key.set(
-        i.label,
+    if (isJoined) plot.line(item.x, item.y, TC.strokeLook(item));
+    const stride = Math.ceil(item.x.length / 2000);
+    if (drawMark)
+      for (let index = 0; index < item.x.length; index += stride)
+        if (Number.isFinite(item.x[index]) && Number.isFinite(item.y[index]))
+          plot.inner.append(drawMark(plot.px(item.x[index]), plot.py(item.y[index])));
+    if (item.label)
+      legend.set(
+        item.label,
         TC.entry(
           28,
           12,
-          [joined ? TC.dash(28, 6, TC.look(i)) : "", mark ? mark(14, 6) : ""],
-          i.label,
+          [isJoined ? TC.dash(28, 6, TC.strokeLook(item)) : "", drawMark ? drawMark(14, 6) : ""],
+          item.label,
         ),
       );
   },
-  // Marks of their own looks, each with its tip and what a click does: shape, r, stroke, fill(k), tip(k), pick(k).
-  marks(plot, i) {
-    for (let k = 0; k < i.x.length; k++)
-      if (Number.isFinite(i.x[k]) && Number.isFinite(i.y[k])) {
-        const mark = TC.marker(i.shape, plot.px(i.x[k]), plot.py(i.y[k]), i.r, {
-          fill: i.fill(k),
-          stroke: i.stroke || i.fill(k),
+  // Marks with a look, a tip and an action each: shape, r, stroke, fill(k), tip(k), pick(k).
+  marks(plot, item) {
+    for (let index = 0; index < item.x.length; index++)
+      if (Number.isFinite(item.x[index]) && Number.isFinite(item.y[index])) {
+        const mark = TC.marker(item.shape, plot.px(item.x[index]), plot.py(item.y[index]), item.r, {
+          fill: item.fill(index),
+          stroke: item.stroke || item.fill(index),
           "stroke-width": 1.5,
-          "fill-opacity": i.alpha,
-          class: i.pick && "mark",
-          onclick: i.pick && (() => i.pick(k)),
+          "fill-opacity": item.alpha,
+          class: item.pick && "mark",
+          onclick: item.pick && (() => item.pick(index)),
         });
-        if (i.tip) mark.append(TC.svgNode("title", {}, i.tip(k)));
+        if (item.tip) mark.append(TC.svgNode("title", {}, item.tip(index)));
         plot.over.append(mark);
       }
   },
-  fill(plot, i, key) {
-    const d = Array.from(
-      i.x,
-      (x, k) => `${k ? "L" : "M"}${plot.px(x).toFixed(1)},${plot.py(i.y[k]).toFixed(1)}`,
+  fill(plot, item, legend) {
+    const path = Array.from(
+      item.x,
+      (x, index) =>
+        `${index ? "L" : "M"}${plot.px(x).toFixed(1)},${plot.py(item.y[index]).toFixed(1)}`,
     ).join("");
-    if (i.x.length)
+    if (item.x.length)
       plot.inner.append(
-        TC.svgNode("path", { d: `${d}Z`, fill: i.colour, opacity: i.alpha, stroke: "none" }),
+        TC.svgNode("path", {
+          d: `${path}Z`,
+          fill: item.colour,
+          opacity: item.alpha,
+          stroke: "none",
+        }),
       );
-    if (i.label)
-      key.set(
-        i.label,
-        TC.swatch(`color-mix(in srgb, ${i.colour} ${100 * i.alpha}%, transparent)`, i.label),
+    if (item.label)
+      legend.set(
+        item.label,
+        TC.swatch(
+          `color-mix(in srgb, ${item.colour} ${100 * item.alpha}%, transparent)`,
+          item.label,
+        ),
       );
   },
-  up: (plot, i) => plot.vertical(i.x[0], TC.look(i)),
-  across: (plot, i) =>
+  up: (plot, item) => plot.vertical(item.x[0], TC.strokeLook(item)),
+  across: (plot, item) =>
     plot.inner.append(
       TC.svgNode("line", {
         x1: plot.left,
         x2: plot.right,
-        y1: plot.py(i.y[0]),
-        y2: plot.py(i.y[0]),
-        ...TC.look(i),
+        y1: plot.py(item.y[0]),
+        y2: plot.py(item.y[0]),
+        ...TC.strokeLook(item),
       }),
     ),
-  rows: (plot, i) =>
+  rows: (plot, item) =>
     plot.back.prepend(
       TC.svgNode("rect", {
         x: plot.left,
         width: plot.right - plot.left,
-        y: plot.py(i.y[1]),
-        height: Math.max(0, plot.py(i.y[0]) - plot.py(i.y[1])),
+        y: plot.py(item.y[1]),
+        height: Math.max(0, plot.py(item.y[0]) - plot.py(item.y[1])),
         fill: "var(--shade)",
       }),
     ),
-  note: (plot, i) =>
-    plot.text(plot.px(i.x[0]) + i.shift[0], plot.py(i.y[0]) - i.shift[1] + 4, i.text, {
-      "text-anchor": i.anchor,
-      style: i.colour ? `fill:${i.colour}` : "",
-    }),
-  arrow(plot, i) {
-    const [a, b] = [0, 1].map((k) => [plot.px(i.x[k]), plot.py(i.y[k])]);
-    const far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
-    const [c, s] = [(b[0] - a[0]) / far, (b[1] - a[1]) / far];
-    const at = (back, side) => `${b[0] - back * c - side * s},${b[1] - back * s + side * c}`;
+  note: (plot, item) =>
+    plot.text(
+      plot.px(item.x[0]) + item.shift[0],
+      plot.py(item.y[0]) - item.shift[1] + 4,
+      item.text,
+      {
+        "text-anchor": item.anchor,
+        style: item.colour ? `fill:${item.colour}` : "",
+      },
+    ),
+  arrow(plot, item) {
+    const [tail, head] = [0, 1].map((end) => [plot.px(item.x[end]), plot.py(item.y[end])]);
+    const length = Math.hypot(head[0] - tail[0], head[1] - tail[1]) || 1;
+    const [cosine, sine] = [(head[0] - tail[0]) / length, (head[1] - tail[1]) / length];
+    const corner = (back, side) =>
+      `${head[0] - back * cosine - side * sine},${head[1] - back * sine + side * cosine}`;
     plot.inner.append(
       TC.svgNode("line", {
-        x1: a[0],
-        y1: a[1],
-        x2: b[0],
-        y2: b[1],
-        stroke: i.colour,
-        "stroke-width": i.width || 0,
+        x1: tail[0],
+        y1: tail[1],
+        x2: head[0],
+        y2: head[1],
+        stroke: item.colour,
+        "stroke-width": item.width || 0,
       }),
-      TC.svgNode("path", { d: `M${at(9, 4)}L${at(0, 0)}L${at(9, -4)}Z`, fill: i.colour }),
+      TC.svgNode("path", {
+        d: `M${corner(9, 4)}L${corner(0, 0)}L${corner(9, -4)}Z`,
+        fill: item.colour,
+      }),
     );
   },
-  // Each name once, where no other name nor the edge is in the way and as few lines and other dots as can be.
-  names(plot, i, key, items) {
-    const taken = [];
-    const at = (o, k) => [plot.px(o.x[k]), plot.py(o.y[k])];
-    const curve = [];
-    for (const o of items)
-      if (o.kind === "line" && o.dash !== "none")
-        for (let k = 1; k < o.x.length; k++) {
-          const [a, b] = [at(o, k - 1), at(o, k)];
-          for (let t = 0; t < 40; t++)
-            curve.push([a[0] + (t / 40) * (b[0] - a[0]), a[1] + (t / 40) * (b[1] - a[1])]);
+  // Each name once, inside the panel and clear of other names, over as few lines and dots as
+  // possible.
+  names(plot, item, legend, items) {
+    const placed = [];
+    const pixelOf = (item, index) => [plot.px(item.x[index]), plot.py(item.y[index])];
+    const curvePoints = [];
+    for (const item of items)
+      if (item.kind === "line" && item.dash !== "none")
+        for (let index = 1; index < item.x.length; index++) {
+          const [start, end] = [pixelOf(item, index - 1), pixelOf(item, index)];
+          for (let sample = 0; sample < 40; sample++)
+            curvePoints.push([
+              start[0] + (sample / 40) * (end[0] - start[0]),
+              start[1] + (sample / 40) * (end[1] - start[1]),
+            ]);
         }
-    const dots = i.texts.map((_, k) => at(i, k));
-    const within = (list, x, y, w, h) =>
-      list.filter((o) => Math.abs(o[0] - x) < w && Math.abs(o[1] - y) < h).length;
-    i.texts.slice(0, 60).forEach((name, k) => {
-      if (taken.some((t) => t.name === name)) return;
-      const [px, py] = dots[k];
-      const half = 3.3 * name.length;
-      const others = dots.filter((o) => Math.hypot(o[0] - px, o[1] - py) > 8);
-      const free = [
+    const dots = item.texts.map((_, index) => pixelOf(item, index));
+    const countWithin = (list, x, y, w, h) =>
+      list.filter((item) => Math.abs(item[0] - x) < w && Math.abs(item[1] - y) < h).length;
+    item.texts.slice(0, 60).forEach((name, index) => {
+      if (placed.some((sample) => sample.name === name)) return;
+      const [x, y] = dots[index];
+      const halfWidth = 3.3 * name.length;
+      const otherDots = dots.filter((item) => Math.hypot(item[0] - x, item[1] - y) > 8);
+      const freePlaces = [
         [1, -10],
         [-1, -10],
         [1, 12],
@@ -436,41 +488,52 @@ TC.draw_item = {
         [0, -24],
         [0, 26],
       ]
-        .map(([side, up]) => ({ name, x: px + side * (8 + half), y: py + up, half }))
+        .map(([side, up]) => ({ name, x: x + side * (8 + halfWidth), y: y + up, half: halfWidth }))
         .filter(
-          (o) =>
-            o.y < plot.bottom - 4 &&
-            o.x - half > plot.left &&
-            o.x + half <= plot.right &&
-            !taken.some((t) => Math.abs(o.x - t.x) < half + t.half && Math.abs(o.y - t.y) < 13),
+          (item) =>
+            item.y < plot.bottom - 4 &&
+            item.x - halfWidth > plot.left &&
+            item.x + halfWidth <= plot.right &&
+            !placed.some(
+              (sample) =>
+                Math.abs(item.x - sample.x) < halfWidth + sample.half &&
+                Math.abs(item.y - sample.y) < 13,
+            ),
         )
-        .map((o) => ({
-          ...o,
-          hits: within(curve, o.x, o.y, half, 6) + 20 * within(others, o.x, o.y, half + 8, 12),
+        .map((item) => ({
+          ...item,
+          hits:
+            countWithin(curvePoints, item.x, item.y, halfWidth, 6) +
+            20 * countWithin(otherDots, item.x, item.y, halfWidth + 8, 12),
         }))
-        .sort((a, b) => a.hits - b.hits);
-      if (!free.length) return;
-      taken.push(free[0]);
-      plot.text(free[0].x, free[0].y + 4, name, { "text-anchor": "middle" });
+        .sort((first, second) => first.hits - second.hits);
+      if (!freePlaces.length) return;
+      placed.push(freePlaces[0]);
+      plot.text(freePlaces[0].x, freePlaces[0].y + 4, name, { "text-anchor": "middle" });
     });
   },
-  // Neighbours of one kind in a column are one shape, and all of a kind one path.
-  cells(plot, i, key) {
-    const [n, m] = i.kinds.shape;
-    const paths = i.colours.map(() => "");
-    for (let c = 0; c < n; c++)
-      for (let r = 0; r < m;) {
-        const kind = i.kinds[c * m + r];
-        const from = r;
-        while (r < m && i.kinds[c * m + r] === kind) r++;
-        if (kind >= 0)
-          paths[kind] +=
-            `M${plot.px(i.x[c]).toFixed(1)},${plot.py(i.y[from]).toFixed(1)}H${(plot.px(i.x[c + 1]) + 0.3).toFixed(1)}V${(plot.py(i.y[r]) - 0.3).toFixed(1)}H${plot.px(i.x[c]).toFixed(1)}Z`;
+  // Neighbours of one kind in a column form one rectangle, and all rectangles of a kind one path.
+  cells(plot, item, legend) {
+    const [columnCount, rowCount] = item.kinds.shape;
+    const paths = item.colours.map(() => "");
+    for (let column = 0; column < columnCount; column++)
+      for (let row = 0; row < rowCount;) {
+        const kind = item.kinds[column * rowCount + row];
+        const firstRow = row;
+        while (row < rowCount && item.kinds[column * rowCount + row] === kind) row++;
+        // cells overlap by 0.3 pixels, so that no gap shows between them
+        const left = plot.px(item.x[column]).toFixed(1);
+        const right = (plot.px(item.x[column + 1]) + 0.3).toFixed(1);
+        const bottom = plot.py(item.y[firstRow]).toFixed(1);
+        const top = (plot.py(item.y[row]) - 0.3).toFixed(1);
+        if (kind >= 0) paths[kind] += `M${left},${bottom}H${right}V${top}H${left}Z`;
       }
-    paths.forEach((d, k) => {
-      if (d) {
-        plot.inner.append(TC.svgNode("path", { d, fill: i.colours[k], stroke: "none" }));
-        key.set(i.names[k], TC.swatch(i.colours[k], i.names[k]));
+    paths.forEach((path, kind) => {
+      if (path) {
+        plot.inner.append(
+          TC.svgNode("path", { d: path, fill: item.colours[kind], stroke: "none" }),
+        );
+        legend.set(item.names[kind], TC.swatch(item.colours[kind], item.names[kind]));
       }
     });
   },

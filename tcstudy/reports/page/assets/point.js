@@ -1,11 +1,12 @@
 // One point: body, slip and friction along the contact line, law with operating points, energies.
-// What a contact node does, by the number that the data have; the words are those of the data.
+
+// Colours of the states of a contact node, by their numbers in the data, which have the words too.
 TC.STATES = ["--body", "--c6", "--c5", "--c2", "--c4"];
 TC.MOVES = ["--body", "--c6", "--c5", "--c2"]; // of a step of a history
-TC.stateOf = (line, k) => {
+TC.stateOf = (line, code) => {
   const words = line.moves || TC.data.states;
   const colours = line.moves ? TC.MOVES : TC.STATES;
-  return { name: words[k] || "not known", colour: k >= 0 ? `var(${colours[k]})` : "none" };
+  return { name: words[code] || "not known", colour: code >= 0 ? `var(${colours[code]})` : "none" };
 };
 TC.ROLES = {
   contact: { words: "contact", stroke: "var(--c1)", "stroke-width": 4 },
@@ -33,42 +34,51 @@ TC.ROLES = {
 };
 TC.point = {
   // What the points of the geometry of point p share: outline, mesh and fields, contact lines.
-  home: (p) => (TC.data.homes ? TC.data.homes[TC.data.run.home[p]] || {} : TC.data),
+  geometryOf: (point) => (TC.data.homes ? TC.data.homes[TC.data.run.home[point]] || {} : TC.data),
   // The number of a point among those of its geometry.
-  own(p) {
-    const r = TC.data.run;
-    if (!TC.data.homes) return p;
-    if (!r.own) {
-      const seen = {};
-      r.own = r.home.map((g) => (seen[g] = (seen[g] ?? -1) + 1));
+  indexInGeometry(point) {
+    const run = TC.data.run;
+    if (!TC.data.homes) return point;
+    if (!run.indicesInGeometry) {
+      const lastIndex = {};
+      run.indicesInGeometry = run.home.map(
+        (geometry) => (lastIndex[geometry] = (lastIndex[geometry] ?? -1) + 1),
+      );
     }
-    return r.own[p];
+    return run.indicesInGeometry[point];
   },
-  get here() {
-    return TC.point.home(TC.data.run && TC.state.at ? TC.run.flat(TC.state.at) : 0);
+  get currentGeometry() {
+    return TC.point.geometryOf(TC.data.run && TC.state.at ? TC.run.pointAt(TC.state.at) : 0);
   },
-  line(p, level) {
-    const lines = TC.point.home(p).lines || {};
-    return lines[String(level)] || lines[Object.keys(lines).sort((a, b) => b - a)[0]];
+  line(point, level) {
+    const lines = TC.point.geometryOf(point).lines || {};
+    return (
+      lines[String(level)] || lines[Object.keys(lines).sort((first, second) => second - first)[0]]
+    );
+  },
+  // Class of the badge that names the certificate of a solution.
+  badge(proof) {
+    if (proof === "failed") return "bad";
+    return proof === "nothing" || proof === "local" ? "" : "good";
   },
   draw(host) {
-    const s = TC.state;
-    const p = TC.run.flat(s.at);
-    const level = s.level;
-    const d = TC.point.home(p);
-    const r = TC.data.run;
-    const line = TC.point.line(p, level);
-    const proof = TC.run.proof(p, level);
-    const reason = r.reasons[r.reason[p * r.nlevels + level]];
-    const head = TC.el(
+    const state = TC.state;
+    const point = TC.run.pointAt(state.at);
+    const level = state.level;
+    const geometry = TC.point.geometryOf(point);
+    const run = TC.data.run;
+    const line = TC.point.line(point, level);
+    const proof = TC.run.proof(point, level);
+    const reason = run.reasons[run.reason[point * run.nlevels + level]];
+    const heading = TC.el(
       "p",
       {},
-      TC.el("b", {}, TC.run.words(s.at)),
+      TC.el("b", {}, TC.run.words(state.at)),
       ` on level ${level}: `,
       TC.el(
         "span",
         {
-          class: `badge ${proof === "failed" ? "bad" : proof === "nothing" || proof === "local" ? "" : "good"}`,
+          class: `badge ${TC.point.badge(proof)}`,
         },
         TC.data.proofs[proof],
       ),
@@ -80,30 +90,30 @@ TC.point = {
       TC.el(
         "button",
         {
-          "aria-pressed": s.vs ? "true" : "false",
+          "aria-pressed": state.vs ? "true" : "false",
           title: "keep this point and compare others with it (c)",
           "aria-label": "compare",
-          onclick: () => TC.set({ vs: s.vs ? null : s.at.slice() }),
+          onclick: () => TC.set({ vs: state.vs ? null : state.at.slice() }),
         },
-        s.vs ? "stop comparing" : "compare with …",
+        state.vs ? "stop comparing" : "compare with …",
       ),
-      s.vs
+      state.vs
         ? TC.el(
             "button",
-            { "aria-label": "swap", onclick: () => TC.set({ vs: s.at, at: s.vs }) },
+            { "aria-label": "swap", onclick: () => TC.set({ vs: state.at, at: state.vs }) },
             "swap",
           )
         : null,
-      s.vs
+      state.vs
         ? TC.el(
             "span",
             { class: "note" },
-            TC.run.flat(s.vs) === p
+            TC.run.pointAt(state.vs) === point
               ? "kept; now choose another point"
-              : `dashed: ${TC.run.words(s.vs)}`,
+              : `dashed: ${TC.run.words(state.vs)}`,
           )
         : null,
-      d.body
+      geometry.body
         ? TC.el(
             "label",
             {},
@@ -113,12 +123,12 @@ TC.point = {
               min: 0,
               max: 3,
               step: 0.05,
-              value: s.deform,
+              value: state.deform,
               "aria-label": "deformation",
-              oninput: (e) => {
-                s.deform = Number(e.target.value);
+              oninput: (event) => {
+                state.deform = Number(event.target.value);
                 TC.writeState();
-                TC.point.body(p);
+                TC.point.drawBody(point);
               },
             }),
           )
@@ -126,154 +136,167 @@ TC.point = {
     );
     const left = (TC.point.left = TC.panel());
     const right = TC.panel();
-    const vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
-    TC.fill(host, head, buttons, TC.el("div", { class: "columns wide" }, left, right));
+    const compared =
+      state.vs && TC.run.pointAt(state.vs) !== point ? TC.run.pointAt(state.vs) : null;
+    TC.fill(host, heading, buttons, TC.el("div", { class: "columns wide" }, left, right));
     const frame = line && TC.point.frame(line, TC.width(left));
-    if (frame && frame.shape) TC.point.bodyPanel(left, p, line, frame);
-    if (line && (proof !== "failed" || Number.isFinite(TC.row(line.u_T, TC.point.own(p))[0]))) {
-      const cases = [p, vs]
-        .filter((k) => k !== null && TC.point.line(k, level))
-        .map((k) => TC.point.contact(TC.point.line(k, level), k));
-      const shown = TC.point.equilibrium(line, p);
-      if (shown !== null) cases[0] = { ...cases[0], ...TC.point.state(line, shown) };
+    if (frame && frame.shape) TC.point.bodyPanel(left, point, line, frame);
+    if (
+      line &&
+      (proof !== "failed" || Number.isFinite(TC.row(line.u_T, TC.point.indexInGeometry(point))[0]))
+    ) {
+      const cases = [point, compared]
+        .filter((shownPoint) => shownPoint !== null && TC.point.line(shownPoint, level))
+        .map((shownPoint) => TC.point.contact(TC.point.line(shownPoint, level), shownPoint));
+      const equilibrium = TC.point.equilibrium(line, point);
+      if (equilibrium !== null) cases[0] = { ...cases[0], ...TC.point.state(line, equilibrium) };
       TC.point.profiles(
         left,
         line,
         cases,
         frame,
-        d.lines[String(level)] !== line
-          ? `level ${r.nlevels - 1} (the page holds no contact line of level ${level})`
+        geometry.lines[String(level)] !== line
+          ? `level ${run.nlevels - 1} (the page holds no contact line of level ${level})`
           : "",
       );
-      TC.point.law(right, line, cases, p, vs);
+      TC.point.law(right, line, cases, point, compared);
     } else if (!line && proof !== "failed")
       left.append(TC.note("The page was made without contact lines; the file has them."));
-    if (line && line.every) TC.point.equilibria(right, line, p);
-    TC.point.energies(right, p, level);
-    TC.point.table(right, p, vs, level);
+    if (line && line.every) TC.point.equilibria(right, line, point);
+    TC.point.energies(right, point, level);
+    TC.point.table(right, point, compared, level);
   },
   // Slip, friction and state at every contact node of a point, with the line that they are on.
-  contact(line, p) {
-    const q = TC.point.own(p);
-    const m = line.x.length;
+  contact(line, point) {
+    const index = TC.point.indexInGeometry(point);
+    const nodeCount = line.x.length;
     return {
       line,
-      u: TC.row(line.u_T, q),
-      held: line.held_u_T ? TC.row(line.held_u_T, q) : null,
-      xi: TC.row(line.xi, q),
-      N: line.N && TC.row(line.N, q),
-      state: line.state.subarray(q * m, (q + 1) * m),
+      u: TC.row(line.u_T, index),
+      held: line.held_u_T ? TC.row(line.held_u_T, index) : null,
+      xi: TC.row(line.xi, index),
+      N: line.N && TC.row(line.N, index),
+      state: line.state.subarray(index * nodeCount, (index + 1) * nodeCount),
     };
   },
-  // Of points whose equilibria are all stored: the number of the one chosen among those of the line, null for the solution.
-  equilibrium(line, p) {
+  // Index of the chosen equilibrium among those of the line, where all are stored; null for the
+  // solution.
+  equilibrium(line, point) {
     if (!line.every) return null;
-    const q = TC.point.own(p);
-    const first = line.every.first[q];
-    const k = Number(TC.state.eq) || 0;
-    return k < line.every.first[q + 1] - first ? first + k : null;
+    const index = TC.point.indexInGeometry(point);
+    const first = line.every.first[index];
+    const chosen = Number(TC.state.eq) || 0;
+    return chosen < line.every.first[index + 1] - first ? first + chosen : null;
   },
-  state(line, k) {
-    const m = line.x.length;
-    const e = line.every;
+  state(line, index) {
+    const nodeCount = line.x.length;
+    const equilibria = line.every;
     return {
-      u: TC.row(e.u_T, k),
-      xi: TC.row(e.xi, k),
+      u: TC.row(equilibria.u_T, index),
+      xi: TC.row(equilibria.xi, index),
       N: null,
-      state: e.state.subarray(k * m, (k + 1) * m),
+      state: equilibria.state.subarray(index * nodeCount, (index + 1) * nodeCount),
     };
   },
-  equilibria(host, line, p) {
-    const q = TC.point.own(p);
-    const e = line.every;
-    const first = e.first[q];
-    const count = e.first[q + 1] - first;
-    const all = TC.run.flag("complete", p, TC.state.level);
+  equilibria(host, line, point) {
+    const index = TC.point.indexInGeometry(point);
+    const equilibria = line.every;
+    const first = equilibria.first[index];
+    const count = equilibria.first[index + 1] - first;
+    const completeness = TC.run.flag("complete", point, TC.state.level);
     const units = TC.data.run.numbers.energy.units;
-    const chosen = TC.point.equilibrium(line, p);
-    const told =
-      all === 1
-        ? `${count} of ${count} equilibria, proved`
-        : all === 2
-          ? `${count} equilibria of the law's polygon`
-          : `at least ${count} equilibria`;
+    const chosen = TC.point.equilibrium(line, point);
+    let title = `at least ${count} equilibria`;
+    if (completeness === 1) title = `${count} of ${count} equilibria, proved`;
+    if (completeness === 2) title = `${count} equilibria of the law's polygon`;
+    const lowest = equilibria.energy[first];
+    const energyText = (order) =>
+      order
+        ? `+ ${TC.quantity(equilibria.energy[first + order] - lowest, units, 4)}`
+        : TC.quantity(lowest, units, 6);
     host.append(
-      TC.h3(told),
+      TC.h3(title),
       TC.note("by energy; a click shows the state along the contact line and on the law"),
       TC.el(
         "div",
         { class: "minima" },
-        [...Array(Math.min(count, 100)).keys()].map((k) =>
+        [...Array(Math.min(count, 100)).keys()].map((order) =>
           TC.el(
             "button",
             {
-              "aria-label": `equilibrium ${k}`,
-              "aria-pressed": first + k === chosen ? "true" : "false",
-              onclick: () => TC.set({ eq: k }),
+              "aria-label": `equilibrium ${order}`,
+              "aria-pressed": first + order === chosen ? "true" : "false",
+              onclick: () => TC.set({ eq: order }),
             },
-            `${k ? "+ " + TC.quantity(e.energy[first + k] - e.energy[first], units, 4) : TC.quantity(e.energy[first], units, 6)}, ${e.stable[first + k] ? "stable" : "unstable"}`,
+            `${energyText(order)}, ${equilibria.stable[first + order] ? "stable" : "unstable"}`,
           ),
         ),
       ),
     );
   },
-  // u_T at a held end of a part: as stored, or 0 where every clamped edge is at rest; NaN where it is not known.
-  heldSlip: (c, part, e) =>
-    !part.held[e]
+  // u_T at a held end of a part: as stored, or 0 where every clamped edge is at rest, else NaN.
+  heldSlip: (solution, part, end) =>
+    !part.held[end]
       ? NaN
-      : c.held && part.ends[e] >= 0
-        ? c.held[part.ends[e]]
-        : c.line.rest
+      : solution.held && part.ends[end] >= 0
+        ? solution.held[part.ends[end]]
+        : solution.line.rest
           ? 0
           : NaN,
   // The laws of a point: one, or one of every edge.
-  lawsOf: (p) =>
-    TC.data.laws ? [TC.data.laws.index[p]].flat().map((k) => TC.data.laws.laws[k]) : [null],
-  strength: (line, p) =>
-    line.of_law ? TC.row(line.strengths, line.strength_of[TC.point.own(p)]) : null,
-  // Where things stand: drawn body in pixels, and whether the contact line runs along x so that all share one axis.
+  lawsOf: (point) =>
+    TC.data.laws
+      ? [TC.data.laws.index[point]].flat().map((index) => TC.data.laws.laws[index])
+      : [null],
+  strength: (line, point) =>
+    line.of_law ? TC.row(line.strengths, line.strength_of[TC.point.indexInGeometry(point)]) : null,
+  // Place and scale of the body in pixels. `along`: the contact line runs along x, so that body
+  // and profiles share an axis.
   frame(line, width) {
-    const d = TC.point.here;
+    const geometry = TC.point.currentGeometry;
     const xs = [];
     const ys = [];
-    for (const e of d.outline || [])
-      for (const [x, y] of e.line) {
+    for (const edge of geometry.outline || [])
+      for (const [x, y] of edge.line) {
         xs.push(x);
         ys.push(y);
       }
-    if (d.body) {
-      xs.push(...TC.range(d.body.x));
-      ys.push(...TC.range(d.body.y));
+    if (geometry.body) {
+      xs.push(...TC.range(geometry.body.x));
+      ys.push(...TC.range(geometry.body.y));
     }
     const shape = xs.length > 0;
-    const [y0, y1] = TC.range(line.y);
-    const bx = shape ? TC.range(xs) : TC.range(line.x);
-    const by = shape ? TC.range(ys) : [y0, y1];
-    const along = y1 - y0 <= 1e-9 * (bx[1] - bx[0]);
+    const [yLow, yHigh] = TC.range(line.y);
+    const xRange = shape ? TC.range(xs) : TC.range(line.x);
+    const yRange = shape ? TC.range(ys) : [yLow, yHigh];
+    const isAlongX = yHigh - yLow <= 1e-9 * (xRange[1] - xRange[0]);
     const margin = { left: 66, right: 100 };
-    const wide = width - margin.left - margin.right;
-    const per = Math.max((bx[1] - bx[0]) / wide, (by[1] - by[0]) / 340);
-    const scale = TC.scale(bx, line.u_T_units);
-    const used = (bx[1] - bx[0]) / per;
+    const drawnWidth = width - margin.left - margin.right;
+    const unitsPerPixel = Math.max(
+      (xRange[1] - xRange[0]) / drawnWidth,
+      (yRange[1] - yRange[0]) / 340,
+    );
+    const scale = TC.scale(xRange, line.u_T_units);
+    const usedWidth = (xRange[1] - xRange[0]) / unitsPerPixel;
     return {
       shape,
       width,
       margin,
-      bx,
-      by,
-      per,
-      along,
+      bx: xRange,
+      by: yRange,
+      per: unitsPerPixel,
+      along: isAlongX,
       scale,
-      used,
+      used: usedWidth,
       top: 34,
-      high: (by[1] - by[0]) / per,
+      high: (yRange[1] - yRange[0]) / unitsPerPixel,
     };
   },
-  bodyPanel(host, p, line, frame) {
+  bodyPanel(host, point, line, frame) {
     const extra = 26;
     const width = frame.width;
     const height = Math.ceil(frame.high + 2 * frame.top + extra);
-    const d = TC.point.here;
+    const geometry = TC.point.currentGeometry;
     const canvas = TC.el("canvas", {
       style: `width:${width}px;height:${height}px`,
       role: "img",
@@ -289,9 +312,9 @@ TC.point = {
     canvas.width = width * ratio;
     canvas.height = height * ratio;
     const title = TC.h3(
-      d.body && d.body.theta
-        ? `Temperature θ [${TC.unit(d.body.theta_units) || "1"}] and deformation`
-        : d.body
+      geometry.body && geometry.body.theta
+        ? `Temperature θ [${TC.unit(geometry.body.theta_units) || "1"}] and deformation`
+        : geometry.body
           ? "Deformation"
           : "The body",
     );
@@ -301,13 +324,15 @@ TC.point = {
       TC.point.roleKey(),
     );
     TC.point.panel = { canvas, svg, frame, line, ratio, height };
-    TC.point.body(p);
+    TC.point.drawBody(point);
   },
   roleKey() {
-    const used = [...new Set((TC.point.here.outline || []).map((e) => e.role))];
-    if (!used.length) return TC.el("span");
-    const roles = Object.keys(TC.ROLES)
-      .filter((r) => used.includes(r))
+    const usedRoles = [
+      ...new Set((TC.point.currentGeometry.outline || []).map((edge) => edge.role)),
+    ];
+    if (!usedRoles.length) return TC.el("span");
+    const entries = Object.keys(TC.ROLES)
+      .filter((role) => usedRoles.includes(role))
       .map((role) => {
         const { words, ...look } = TC.ROLES[role];
         return TC.entry(28, 10, [TC.dash(28, 5, look)], words);
@@ -323,8 +348,8 @@ TC.point = {
       "stroke-dasharray": "4 3",
     });
     return TC.legend(
-      ...roles,
-      (TC.point.here.sources || []).length ? TC.entry(28, 12, [heater], "heated") : "",
+      ...entries,
+      (TC.point.currentGeometry.sources || []).length ? TC.entry(28, 12, [heater], "heated") : "",
     );
   },
   toPx(frame, x, y) {
@@ -333,118 +358,117 @@ TC.point = {
       frame.top + frame.high - (y - frame.by[0]) / frame.per,
     ];
   },
-  body(p) {
+  drawBody(point) {
     const { canvas, svg, frame, line, ratio } = TC.point.panel;
-    const b = TC.point.here.body;
-    const g = canvas.getContext("2d");
-    const factor = b && TC.run.flag("status", p, b.level) === 1 ? b.factor * TC.state.deform : 0;
-    const text = document.getElementById("deform-text");
-    if (text) text.textContent = `× ${TC.number(factor, 2)}`;
-    g.setTransform(ratio, 0, 0, ratio, 0, 0);
-    g.clearRect(0, 0, canvas.width, canvas.height);
-    const over = [];
-    if (b) TC.point.fillBody(g, p, factor, frame, over);
-    else TC.point.fillOutline(over, frame);
-    TC.point.names(over, frame, b ? TC.point.moved(p, factor) : null);
-    svg.replaceChildren(...over);
+    const body = TC.point.currentGeometry.body;
+    const context = canvas.getContext("2d");
+    const factor =
+      body && TC.run.flag("status", point, body.level) === 1 ? body.factor * TC.state.deform : 0;
+    const deformationText = document.getElementById("deform-text");
+    if (deformationText) deformationText.textContent = `× ${TC.number(factor, 2)}`;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    const shapes = [];
+    if (body) TC.point.fillBody(context, point, factor, frame, shapes);
+    else TC.point.fillOutline(shapes, frame);
+    TC.point.drawNames(shapes, frame, body ? TC.point.movedPixels(point, factor) : null);
+    svg.replaceChildren(...shapes);
   },
-  fillBody(g, p, factor, frame, over) {
-    const b = TC.point.here.body;
-    const n = b.x.length;
-    const ux = TC.field(b.u_x, TC.point.own(p));
-    const uy = TC.field(b.u_y, TC.point.own(p));
-    const X = new Float64Array(n);
-    const Y = new Float64Array(n);
-    for (let i = 0; i < n; i++)
-      [X[i], Y[i]] = TC.point.toPx(frame, b.x[i] + factor * ux[i], b.y[i] + factor * uy[i]);
-    const solved = TC.run.flag("status", p, b.level) === 1; // a failed point has no fields
+  fillBody(context, point, factor, frame, shapes) {
+    const body = TC.point.currentGeometry.body;
+    const nodeCount = body.x.length;
+    const displacementX = TC.field(body.u_x, TC.point.indexInGeometry(point));
+    const displacementY = TC.field(body.u_y, TC.point.indexInGeometry(point));
+    const xPixels = new Float64Array(nodeCount);
+    const yPixels = new Float64Array(nodeCount);
+    for (let node = 0; node < nodeCount; node++)
+      [xPixels[node], yPixels[node]] = TC.point.toPx(
+        frame,
+        body.x[node] + factor * displacementX[node],
+        body.y[node] + factor * displacementY[node],
+      );
+    const solved = TC.run.flag("status", point, body.level) === 1; // a failed point has no fields
     if (!solved)
-      over.push(
+      shapes.push(
         TC.svgNode(
           "text",
           { x: frame.margin.left, y: 16 },
           "no solution, so neither temperature nor deformation",
         ),
       );
-    const theta = b.theta && solved ? TC.field(b.theta, TC.point.own(p)) : null;
-    const [lo, hi] = theta ? TC.range(theta) : [0, 0];
-    const even = !theta || hi - lo <= 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
+    const theta =
+      body.theta && solved ? TC.field(body.theta, TC.point.indexInGeometry(point)) : null;
+    const [low, high] = theta ? TC.range(theta) : [0, 0];
+    const isUniform = !theta || high - low <= 2e-3 * Math.max(Math.abs(low), Math.abs(high));
     const style = getComputedStyle(document.documentElement);
-    const levels = even ? [] : TC.ticks(lo, hi, 11);
-    const colour = (t) => TC.css(TC.colour(t, TC.HEAT));
-    const tri = b.triangle;
-    if (even) {
-      g.fillStyle = theta ? colour(0.3) : style.getPropertyValue("--body");
-      g.strokeStyle = g.fillStyle;
-      g.lineWidth = 0.6;
-      g.beginPath();
-      for (let t = 0; t < tri.length; t += 3) {
-        g.moveTo(X[tri[t]], Y[tri[t]]);
-        g.lineTo(X[tri[t + 1]], Y[tri[t + 1]]);
-        g.lineTo(X[tri[t + 2]], Y[tri[t + 2]]);
-        g.closePath();
-      }
-      g.fill();
-      g.stroke();
+    const levels = isUniform ? [] : TC.ticks(low, high, 11);
+    const colour = (fraction) => TC.css(TC.colour(fraction, TC.HEAT));
+    const triangles = body.triangle;
+    const cornersOf = (first, valueOf) =>
+      [0, 1, 2].map((corner) => {
+        const node = triangles[first + corner];
+        return [xPixels[node], yPixels[node], valueOf(node)];
+      });
+    if (isUniform) {
+      const polygons = [];
+      for (let first = 0; first < triangles.length; first += 3)
+        polygons.push(cornersOf(first, () => 0));
+      TC.point.fillPolygons(
+        context,
+        polygons,
+        theta ? colour(0.3) : style.getPropertyValue("--body"),
+      );
     } else {
       const step = levels[1] - levels[0];
-      const first = Math.floor(lo / step) * step;
-      const count = Math.max(1, Math.ceil((hi - first) / step - 1e-9));
+      const first = Math.floor(low / step) * step;
+      const count = Math.max(1, Math.ceil((high - first) / step - 1e-9));
       const bands = [...Array(count)].map(() => []);
-      for (let t = 0; t < tri.length; t += 3) {
-        const corners = [0, 1, 2].map((k) => {
-          const i = tri[t + k];
-          return [X[i], Y[i], (theta[i] - first) / step];
-        });
-        const a = Math.max(0, Math.floor(Math.min(...corners.map((c) => c[2]))));
-        const z = Math.min(count - 1, Math.floor(Math.max(...corners.map((c) => c[2]))));
-        for (let k = a; k <= z; k++) {
-          const poly = a === z ? corners : TC.point.clip(TC.point.clip(corners, k, 1), k + 1, -1);
-          if (poly.length > 2) bands[k].push(poly);
+      for (let triangle = 0; triangle < triangles.length; triangle += 3) {
+        const corners = cornersOf(triangle, (node) => (theta[node] - first) / step);
+        const values = corners.map((corner) => corner[2]);
+        const firstBand = Math.max(0, Math.floor(Math.min(...values)));
+        const lastBand = Math.min(count - 1, Math.floor(Math.max(...values)));
+        for (let band = firstBand; band <= lastBand; band++) {
+          const polygon =
+            firstBand === lastBand
+              ? corners
+              : TC.point.clipped(TC.point.clipped(corners, band, 1), band + 1, -1);
+          if (polygon.length > 2) bands[band].push(polygon);
         }
       }
-      bands.forEach((polys, k) => {
-        g.fillStyle = colour((k + 0.5) / count);
-        g.strokeStyle = g.fillStyle;
-        g.lineWidth = 0.6;
-        g.beginPath();
-        for (const poly of polys) {
-          poly.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y)));
-          g.closePath();
-        }
-        g.fill();
-        g.stroke();
-      });
-      TC.point.heatBar(over, frame, first, step, count, colour);
+      bands.forEach((polygons, band) =>
+        TC.point.fillPolygons(context, polygons, colour((band + 0.5) / count)),
+      );
+      TC.point.drawHeatBar(shapes, frame, first, step, count, colour);
     }
-    if (theta && even)
-      over.push(
+    if (theta && isUniform)
+      shapes.push(
         TC.svgNode(
           "text",
           { x: frame.margin.left, y: 16 },
-          `θ = ${TC.number(0.5 * (lo + hi), 4)} ${TC.unit(b.theta_units)} everywhere`,
+          `θ = ${TC.number(0.5 * (low + high), 4)} ${TC.unit(body.theta_units)} everywhere`,
         ),
       );
-    for (const e of TC.point.here.outline || [])
-      over.push(
-        TC.point.path(
-          e.line.map(([x, y]) => TC.point.toPx(frame, x, y)),
+    for (const edge of TC.point.currentGeometry.outline || [])
+      shapes.push(
+        TC.point.polyline(
+          edge.line.map(([x, y]) => TC.point.toPx(frame, x, y)),
           { fill: "none", stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "4 3" },
         ),
       );
-    const edges = b.boundary;
+    const edges = body.boundary;
     const byRole = {};
-    for (let k = 0; k < edges.length / 2; k++) {
-      const known =
-        TC.point.here.outline && b.edge[k] >= 0 ? TC.point.here.outline[b.edge[k]].role : "free";
-      (byRole[known] = byRole[known] || []).push(
-        `M${X[edges[2 * k]].toFixed(1)},${Y[edges[2 * k]].toFixed(1)}L${X[edges[2 * k + 1]].toFixed(1)},${Y[edges[2 * k + 1]].toFixed(1)}`,
-      );
+    const pixelText = (node) => `${xPixels[node].toFixed(1)},${yPixels[node].toFixed(1)}`;
+    const outline = TC.point.currentGeometry.outline;
+    for (let side = 0; side < edges.length / 2; side++) {
+      const role = outline && body.edge[side] >= 0 ? outline[body.edge[side]].role : "free";
+      byRole[role] = byRole[role] || [];
+      byRole[role].push(`M${pixelText(edges[2 * side])}L${pixelText(edges[2 * side + 1])}`);
     }
     for (const role of Object.keys(TC.ROLES).reverse())
       if (byRole[role]) {
         const { words, ...look } = TC.ROLES[role];
-        over.push(
+        shapes.push(
           TC.svgNode("path", {
             d: byRole[role].join(""),
             fill: "none",
@@ -453,307 +477,391 @@ TC.point = {
           }),
         );
       }
-    TC.point.heated(over, frame);
+    TC.point.drawHeated(shapes, frame);
+  },
+  // Fills polygons in one colour; a thin line of it closes the gaps between neighbours.
+  fillPolygons(context, polygons, colour) {
+    context.fillStyle = colour;
+    context.strokeStyle = colour;
+    context.lineWidth = 0.6;
+    context.beginPath();
+    for (const polygon of polygons) {
+      polygon.forEach(([x, y], corner) => {
+        if (corner) context.lineTo(x, y);
+        else context.moveTo(x, y);
+      });
+      context.closePath();
+    }
+    context.fill();
+    context.stroke();
   },
   // The part of a polygon [x, y, value] with sign·value ≥ sign·bound.
-  clip(poly, bound, sign) {
-    const out = [];
-    for (let i = 0; i < poly.length; i++) {
-      const a = poly[i];
-      const b = poly[(i + 1) % poly.length];
-      const da = sign * (a[2] - bound);
-      const db = sign * (b[2] - bound);
-      if (da >= 0) out.push(a);
-      if (da * db < 0) {
-        const t = da / (da - db);
-        out.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), bound]);
+  clipped(polygon, bound, sign) {
+    const clipped = [];
+    for (let corner = 0; corner < polygon.length; corner++) {
+      const start = polygon[corner];
+      const end = polygon[(corner + 1) % polygon.length];
+      const startExcess = sign * (start[2] - bound);
+      const endExcess = sign * (end[2] - bound);
+      if (startExcess >= 0) clipped.push(start);
+      if (startExcess * endExcess < 0) {
+        const fraction = startExcess / (startExcess - endExcess);
+        clipped.push([
+          start[0] + fraction * (end[0] - start[0]),
+          start[1] + fraction * (end[1] - start[1]),
+          bound,
+        ]);
       }
     }
-    return out;
+    return clipped;
   },
-  heatBar(over, frame, first, step, count, colour) {
+  drawHeatBar(shapes, frame, first, step, count, colour) {
     const x = Math.min(frame.width - 44, frame.margin.left + frame.used + 54);
-    const h = Math.min(frame.high, 220);
-    const y0 = frame.top + (frame.high - h) / 2;
-    const each = h / count;
-    const text = TC.tickText([...Array(count + 1)].map((_, k) => first + k * step));
-    const every = Math.max(1, Math.ceil(14 / each));
-    for (let k = 0; k < count; k++)
-      over.push(
+    const barHeight = Math.min(frame.high, 220);
+    const top = frame.top + (frame.high - barHeight) / 2;
+    const bandHeight = barHeight / count;
+    const text = TC.tickText([...Array(count + 1)].map((_, band) => first + band * step));
+    const labelStride = Math.max(1, Math.ceil(14 / bandHeight));
+    for (let band = 0; band < count; band++)
+      shapes.push(
         TC.svgNode("rect", {
           x,
-          y: y0 + h - (k + 1) * each,
+          y: top + barHeight - (band + 1) * bandHeight,
           width: 11,
-          height: each + 0.5,
-          fill: colour((k + 0.5) / count),
+          height: bandHeight + 0.5,
+          fill: colour((band + 0.5) / count),
         }),
       );
-    for (let k = 0; k <= count; k += every)
-      over.push(
-        TC.svgNode("text", { x: x + 15, y: y0 + h - k * each + 4 }, text(first + k * step)),
+    for (let band = 0; band <= count; band += labelStride)
+      shapes.push(
+        TC.svgNode(
+          "text",
+          { x: x + 15, y: top + barHeight - band * bandHeight + 4 },
+          text(first + band * step),
+        ),
       );
   },
-  path: (pts, attrs) =>
+  polyline: (vertices, attrs) =>
     TC.svgNode("path", {
-      d: pts.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join(""),
+      d: vertices
+        .map(([x, y], index) => `${index ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`)
+        .join(""),
       ...attrs,
     }),
-  fillOutline(over, frame) {
-    const d = TC.point.here.outline.map((e) => e.line.map(([x, y]) => TC.point.toPx(frame, x, y)));
-    over.push(
+  fillOutline(shapes, frame) {
+    const edgeLines = TC.point.currentGeometry.outline.map((edge) =>
+      edge.line.map(([x, y]) => TC.point.toPx(frame, x, y)),
+    );
+    let path = "";
+    let lastVertex = null;
+    for (const vertices of edgeLines)
+      vertices.forEach(([x, y], index) => {
+        // an edge that starts where the last one ended goes on with its line
+        const isJoined =
+          lastVertex !== null && Math.hypot(x - lastVertex[0], y - lastVertex[1]) < 1e-6;
+        path += `${index || isJoined ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`;
+        lastVertex = [x, y];
+      });
+    shapes.push(
       TC.svgNode("path", {
-        d: d
-          .map((pts, k) =>
-            pts
-              .map(
-                ([x, y], i) =>
-                  `${i || (k && Math.hypot(x - d[k - 1][d[k - 1].length - 1][0], y - d[k - 1][d[k - 1].length - 1][1]) < 1e-6) ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`,
-              )
-              .join(""),
-          )
-          .join(""),
+        d: path,
         fill: "var(--body)",
         "fill-rule": "evenodd",
         stroke: "none",
       }),
     );
-    TC.point.here.outline.forEach((e, k) => {
-      const { words, ...look } = TC.ROLES[e.role];
-      over.push(TC.point.path(d[k], { fill: "none", ...look }));
+    TC.point.currentGeometry.outline.forEach((edge, index) => {
+      const { words, ...look } = TC.ROLES[edge.role];
+      shapes.push(TC.point.polyline(edgeLines[index], { fill: "none", ...look }));
     });
-    TC.point.heated(over, frame);
+    TC.point.drawHeated(shapes, frame);
   },
-  heated(over, frame) {
-    for (const loop of TC.point.here.sources || [])
-      over.push(
-        TC.point.path(
+  drawHeated(shapes, frame) {
+    for (const loop of TC.point.currentGeometry.sources || [])
+      shapes.push(
+        TC.point.polyline(
           [...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)),
           { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" },
         ),
       );
   },
   // Where the middle of a named edge goes with the deformation, in pixels.
-  moved(p, factor) {
-    const b = TC.point.here.body;
-    const ux = TC.field(b.u_x, TC.point.own(p));
-    const uy = TC.field(b.u_y, TC.point.own(p));
+  movedPixels(point, factor) {
+    const body = TC.point.currentGeometry.body;
+    const displacementX = TC.field(body.u_x, TC.point.indexInGeometry(point));
+    const displacementY = TC.field(body.u_y, TC.point.indexInGeometry(point));
     const frame = TC.point.panel.frame;
     return (x, y) => {
-      let best = 0;
-      let least = Infinity;
-      for (const i of b.boundary) {
-        const far = (b.x[i] - x) ** 2 + (b.y[i] - y) ** 2;
-        if (far < least) {
-          least = far;
-          best = i;
+      let nearest = 0;
+      let smallestDistance = Infinity;
+      for (const node of body.boundary) {
+        const distance = (body.x[node] - x) ** 2 + (body.y[node] - y) ** 2;
+        if (distance < smallestDistance) {
+          smallestDistance = distance;
+          nearest = node;
         }
       }
-      return TC.point.toPx(frame, x + factor * ux[best], y + factor * uy[best]);
+      return TC.point.toPx(
+        frame,
+        x + factor * displacementX[nearest],
+        y + factor * displacementY[nearest],
+      );
     };
   },
   // Names of edges, each once, outside its longest piece.
-  names(over, frame, moved) {
+  drawNames(shapes, frame, moved) {
     const longest = new Map();
-    const size = (e) =>
-      e.line
-        .slice(1)
-        .reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
-    for (const e of TC.point.here.outline || []) {
-      const known = longest.get(e.name);
-      if (!known || size(e) > size(known)) longest.set(e.name, e);
+    const size = (edge) => {
+      let length = 0;
+      for (let index = 1; index < edge.line.length; index++) {
+        const [x, y] = edge.line[index - 1];
+        length += Math.hypot(edge.line[index][0] - x, edge.line[index][1] - y);
+      }
+      return length;
+    };
+    for (const edge of TC.point.currentGeometry.outline || []) {
+      const longestPiece = longest.get(edge.name);
+      if (!longestPiece || size(edge) > size(longestPiece)) longest.set(edge.name, edge);
     }
-    for (const e of longest.values()) {
-      const k = Math.floor((e.line.length - 1) / 2);
-      const a = e.line[k];
-      const b = e.line[k + 1];
-      const [ax, ay] = TC.point.toPx(frame, ...a);
-      const [bx, by] = TC.point.toPx(frame, ...b);
-      const len = Math.hypot(bx - ax, by - ay) || 1;
-      const nx = -(by - ay) / len;
-      const ny = (bx - ax) / len; // outward for a counter-clockwise outline, y downwards on the screen
-      if (e.loop) {
+    for (const edge of longest.values()) {
+      const middleVertex = Math.floor((edge.line.length - 1) / 2);
+      const start = edge.line[middleVertex];
+      const end = edge.line[middleVertex + 1];
+      const [ax, ay] = TC.point.toPx(frame, ...start);
+      const [bx, by] = TC.point.toPx(frame, ...end);
+      const length = Math.hypot(bx - ax, by - ay) || 1;
+      const normalX = -(by - ay) / length;
+      // outward for a counter-clockwise outline, as y points downwards on the screen
+      const normalY = (bx - ax) / length;
+      if (edge.loop) {
         // a hole's name stands inside the hole
-        const all = TC.point.here.outline
-          .filter((o) => o.loop === e.loop)
-          .flatMap((o) => o.line)
+        const loopVertices = TC.point.currentGeometry.outline
+          .filter((other) => other.loop === edge.loop)
+          .flatMap((other) => other.line)
           .map(([x, y]) => TC.point.toPx(frame, x, y));
-        const [x0, x1] = TC.range(all.map((q) => q[0]));
-        const [y0, y1] = TC.range(all.map((q) => q[1]));
-        if (x1 - x0 > 8 * e.name.length)
-          over.push(
+        const [left, right] = TC.range(loopVertices.map((vertex) => vertex[0]));
+        const [top, bottom] = TC.range(loopVertices.map((vertex) => vertex[1]));
+        if (right - left > 8 * edge.name.length)
+          shapes.push(
             TC.svgNode(
               "text",
-              { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + 4, class: "soft", "text-anchor": "middle" },
-              e.name,
+              {
+                x: (left + right) / 2,
+                y: (top + bottom) / 2 + 4,
+                class: "soft",
+                "text-anchor": "middle",
+              },
+              edge.name,
             ),
           );
         continue;
       }
-      const middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-      const [ux, uy] = moved ? moved(...middle) : [(ax + bx) / 2, (ay + by) / 2];
-      const still = [(ax + bx) / 2, (ay + by) / 2];
-      const out = Math.max(0, (ux - still[0]) * nx + (uy - still[1]) * ny);
-      const x = still[0] + (13 + out) * nx;
-      const y = still[1] + (13 + out) * ny;
-      over.push(
+      const middle = [0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])];
+      const undeformed = [(ax + bx) / 2, (ay + by) / 2];
+      const [movedX, movedY] = moved ? moved(...middle) : undeformed;
+      const outwardMove = Math.max(
+        0,
+        (movedX - undeformed[0]) * normalX + (movedY - undeformed[1]) * normalY,
+      );
+      const labelX = undeformed[0] + (13 + outwardMove) * normalX;
+      const labelY = undeformed[1] + (13 + outwardMove) * normalY;
+      shapes.push(
         TC.svgNode(
           "text",
           {
-            x,
-            y: y + 4,
+            x: labelX,
+            y: labelY + 4,
             class: "halo soft",
-            "text-anchor": nx > 0.5 ? "start" : nx < -0.5 ? "end" : "middle",
+            "text-anchor": normalX > 0.5 ? "start" : normalX < -0.5 ? "end" : "middle",
           },
-          e.name,
+          edge.name,
         ),
       );
     }
   },
-  // What runs along the contact line, each over the same axis: slip and section force from node to node, friction on segments.
+  // The profiles along the contact line: slip and section force from node to node, friction on
+  // segments.
   ALONG: [
     ["u", "slip", "slip u_T", "u_T_units", "var(--c1)"],
     ["xi", "friction", "friction ξ = −S_T", "xi_units", "var(--c2)"],
     ["N", "section force", "section force N", "N_units", "var(--c3)"],
   ],
+  // Place of a node on the axis of the profiles: its x, or its arc length.
+  position: (frame, line, node) => (frame.along ? line.x : line.arclength)[node] / frame.scale.by,
+  // Place of an arc length of a part of the contact line on the axis of the profiles.
+  placeAt(frame, line, part, arclength) {
+    const isLeftward = part.b - part.a > 1 && line.x[part.b - 1] < line.x[part.a];
+    const direction = frame.along && isLeftward ? -1 : 1;
+    const distance = arclength - line.arclength[part.a];
+    return TC.point.position(frame, line, part.a) + (direction * distance) / frame.scale.by;
+  },
   profiles(host, line, cases, frame, note) {
+    const plots = TC.point.profilePlots(line, cases, frame);
+    cases.forEach((solution, row) => {
+      const dash = row ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
+      for (const part of solution.line.parts) {
+        TC.point.drawProfiles(plots, solution, part, frame, dash);
+        if (row === 0) TC.point.drawStates(plots[0].plot, solution, part, frame);
+        if (row === 0) TC.point.drawHeldEnds(plots, solution, part, frame);
+      }
+    });
+    const nodePosition = (node) => TC.point.position(frame, line, node);
+    TC.point.showUnderPointer(plots, line, cases[0], nodePosition);
+    const profileNames =
+      plots.length > 2 ? "Slip, friction and section force" : "Slip and friction";
+    host.append(
+      TC.h3(`${profileNames} along ${line.edges.join(", ") || "the contact line"}`),
+      ...plots.map(({ plot }) => plot.svg),
+      TC.point.stateKey(line, cases[0]),
+      note ? TC.note(note) : "",
+    );
+  },
+  profilePlots(line, cases, frame) {
     const width = frame.width;
-    const by = frame.scale.by;
-    const whole = frame.along && frame.shape;
+    const divisor = frame.scale.by;
+    const isBelowBody = frame.along && frame.shape;
     const margin = {
       left: frame.margin.left,
-      right: whole ? width - frame.margin.left - frame.used : 20,
+      right: isBelowBody ? width - frame.margin.left - frame.used : 20,
     };
-    const sense = (on, part) =>
-      frame.along && part.b - part.a > 1 && on.x[part.b - 1] < on.x[part.a] ? -1 : 1;
-    const start = (on, i) => (frame.along ? on.x : on.arclength)[i] / by;
-    const place = (on, part, s) =>
-      start(on, part.a) + (sense(on, part) * (s - on.arclength[part.a])) / by;
-    const ends = cases.flatMap(({ line: on }) =>
-      on.parts.flatMap((part) => [
-        place(on, part, part.cells[0]),
-        place(on, part, part.cells[part.cells.length - 1]),
+    const bodyEnds = isBelowBody ? frame.bx.map((value) => value / divisor) : [];
+    const lineEnds = cases.flatMap(({ line: ownLine }) =>
+      ownLine.parts.flatMap((part) => [
+        TC.point.placeAt(frame, ownLine, part, part.cells[0]),
+        TC.point.placeAt(frame, ownLine, part, part.cells[part.cells.length - 1]),
       ]),
     );
-    const x = TC.range([...(whole ? frame.bx.map((v) => v / by) : []), ...ends]);
+    const xRange = TC.range([...bodyEnds, ...lineEnds]);
     const rows = TC.point.ALONG.filter(([key]) => cases[0][key]);
-    const plots = rows.map(([key, word, title, units, stroke], k) => {
-      const last = k === rows.length - 1;
-      const values = cases.flatMap((c) =>
-        TC.range([...(c[key] || []), ...(key === "u" && c.held ? c.held : [])], []),
+    return rows.map(([key, name, title, units, stroke], row) => {
+      const isLastRow = row === rows.length - 1;
+      const values = cases.flatMap((solution) =>
+        TC.range(
+          [...(solution[key] || []), ...(key === "u" && solution.held ? solution.held : [])],
+          [],
+        ),
       );
       const scale = TC.scale(values, line[units]);
-      const y = TC.pad(TC.range([0, ...values.map((v) => v / scale.by)]));
-      const room = { ...margin, top: k ? 8 : 20, bottom: last ? 46 : 8 };
+      const yRange = TC.pad(TC.range([0, ...values.map((value) => value / scale.by)]));
+      const plotMargin = { ...margin, top: row ? 8 : 20, bottom: isLastRow ? 46 : 8 };
       return {
         key,
-        word,
+        word: name,
         scale,
         stroke,
         plot: new TC.Plot({
           width,
-          height: 150 + room.top + room.bottom,
-          x,
-          y,
-          xlabel: last
-            ? TC.titled(frame.along ? "x" : "arc length along the contact line", frame.scale)
+          height: 150 + plotMargin.top + plotMargin.bottom,
+          x: xRange,
+          y: yRange,
+          xlabel: isLastRow
+            ? TC.withUnit(frame.along ? "x" : "arc length along the contact line", frame.scale)
             : "",
-          ylabel: TC.titled(title, scale),
-          margin: room,
-          xnone: !last,
-          label: `${word} along the contact line`,
+          ylabel: TC.withUnit(title, scale),
+          margin: plotMargin,
+          xnone: !isLastRow,
+          label: `${name} along the contact line`,
         }),
       };
     });
-    cases.forEach((c, k) => {
-      const on = c.line;
-      const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
-      for (const part of on.parts) {
-        const nodes = [...Array(part.b - part.a).keys()].map((i) => part.a + i);
-        const edges = Array.from(part.cells, (s) => place(on, part, s));
-        const [a, b] = [edges[0], edges[edges.length - 1]];
-        const slip = [0, 1].map((e) => TC.point.heldSlip(c, part, e));
-        if (part.closed) {
-          edges[0] = start(on, part.a);
-          edges.push(edges[0] + b - a);
-        }
-        for (const { key, scale, stroke, plot } of plots)
-          if (c[key]) {
-            const at = nodes.map((i) => start(on, i));
-            const values = nodes.map((i) => c[key][i] / scale.by);
-            const look = { stroke, "stroke-width": 2, ...dash };
-            if (part.closed) {
-              at.push(b);
-              values.push(values[0]);
-            }
-            if (key === "xi") {
-              plot.steps(edges, values, look);
-              continue;
-            }
-            const [first, after] =
-              key === "u" ? slip.map((u) => (Number.isFinite(u) ? [u / scale.by] : [])) : [[], []];
-            plot.line(
-              [...first.map(() => a), ...at, ...after.map(() => b)],
-              [...first, ...values, ...after],
-              look,
-            );
-          }
-        if (k) continue;
-        for (const i of nodes) {
-          const [l, r] = [0, 1].map((e) =>
-            plots[0].plot.px(place(on, part, part.cells[i - part.a + e])),
-          );
-          plots[0].plot.over.append(
-            TC.svgNode("rect", {
-              x: Math.min(l, r),
-              y: 4,
-              width: Math.abs(r - l) + 0.4,
-              height: 9,
-              fill: TC.stateOf(on, c.state[i]).colour,
-            }),
-          );
-        }
-        for (const { key, scale, plot } of plots)
-          for (const e of [0, 1])
-            if (part.held[e]) {
-              const px = plot.px([a, b][e]);
-              const py = plot.py(key === "u" && Number.isFinite(slip[e]) ? slip[e] / scale.by : 0);
-              plot.over.append(
-                TC.svgNode(
-                  "path",
-                  {
-                    d: `M${px},${py - 8}V${py + 8}M${px},${py - 8}l-5,5M${px},${py - 2}l-5,5M${px},${py + 4}l-5,5`,
-                    stroke: "var(--ink)",
-                    "stroke-width": 1.5,
-                    fill: "none",
-                  },
-                  TC.svgNode("title", {}, "held end"),
-                ),
-              );
-            }
+  },
+  nodesOfPart: (part) => [...Array(part.b - part.a).keys()].map((index) => part.a + index),
+  drawProfiles(plots, solution, part, frame, dash) {
+    const line = solution.line;
+    const nodes = TC.point.nodesOfPart(part);
+    const nodePositions = nodes.map((node) => TC.point.position(frame, line, node));
+    const edges = Array.from(part.cells, (s) => TC.point.placeAt(frame, line, part, s));
+    const start = edges[0];
+    const end = edges[edges.length - 1];
+    if (part.closed) {
+      edges[0] = nodePositions[0];
+      edges.push(edges[0] + end - start);
+    }
+    for (const { key, scale, stroke, plot } of plots) {
+      if (!solution[key]) continue;
+      const xs = nodePositions.slice();
+      const values = nodes.map((node) => solution[key][node] / scale.by);
+      const look = { stroke, "stroke-width": 2, ...dash };
+      if (part.closed) {
+        xs.push(end);
+        values.push(values[0]);
       }
-    });
+      if (key === "xi") {
+        plot.steps(edges, values, look);
+        continue;
+      }
+      if (key === "u") {
+        // slip goes on to an end of the line whose slip is known
+        const slips = [0, 1].map((side) => TC.point.heldSlip(solution, part, side));
+        if (Number.isFinite(slips[0])) {
+          xs.unshift(start);
+          values.unshift(slips[0] / scale.by);
+        }
+        if (Number.isFinite(slips[1])) {
+          xs.push(end);
+          values.push(slips[1] / scale.by);
+        }
+      }
+      plot.line(xs, values, look);
+    }
+  },
+  // The states of the nodes as a bar above the first profile.
+  drawStates(plot, solution, part, frame) {
+    const line = solution.line;
+    for (const node of TC.point.nodesOfPart(part)) {
+      const [left, right] = [0, 1].map((end) =>
+        plot.px(TC.point.placeAt(frame, line, part, part.cells[node - part.a + end])),
+      );
+      plot.over.append(
+        TC.svgNode("rect", {
+          x: Math.min(left, right),
+          y: 4,
+          width: Math.abs(right - left) + 0.4,
+          height: 9,
+          fill: TC.stateOf(line, solution.state[node]).colour,
+        }),
+      );
+    }
+  },
+  drawHeldEnds(plots, solution, part, frame) {
+    const arclengths = [part.cells[0], part.cells[part.cells.length - 1]];
+    for (const { key, scale, plot } of plots)
+      for (const end of [0, 1]) {
+        if (!part.held[end]) continue;
+        const slip = TC.point.heldSlip(solution, part, end);
+        const x = plot.px(TC.point.placeAt(frame, solution.line, part, arclengths[end]));
+        const y = plot.py(key === "u" && Number.isFinite(slip) ? slip / scale.by : 0);
+        const hatches = [-8, -2, 4].map((shift) => `M${x},${y + shift}l-5,5`).join("");
+        plot.over.append(
+          TC.svgNode(
+            "path",
+            {
+              d: `M${x},${y - 8}V${y + 8}${hatches}`,
+              stroke: "var(--ink)",
+              "stroke-width": 1.5,
+              fill: "none",
+            },
+            TC.svgNode("title", {}, "held end"),
+          ),
+        );
+      }
+  },
+  // The legend of the states, with the share of the contact line in each.
+  stateKey(line, solution) {
     const shares = TC.STATES.map(() => 0);
-    const total = line.c.reduce((a, b) => a + b, 0);
-    for (let i = 0; i < line.c.length; i++) shares[cases[0].state[i]] += line.c[i] / total;
-    const key = TC.legend(
-      ...shares.map((part, k) => {
-        const st = TC.stateOf(line, k);
-        return part > 0 ? TC.swatch(st.colour, `${st.name} (${Math.round(100 * part)} %)`) : "";
-      }),
-      line.parts.some((part) => part.held[0] || part.held[1]) ? "hatched bar: held end" : "",
-    );
-    TC.point.hover(plots, line, cases[0], (i) => start(line, i));
-    host.append(
-      TC.h3(
-        `${plots.length > 2 ? "Slip, friction and section force" : "Slip and friction"} along ${line.edges.join(", ") || "the contact line"}`,
-      ),
-      ...plots.map(({ plot }) => plot.svg),
-      key,
-      note ? TC.note(note) : "",
-    );
+    const total = line.c.reduce((sum, length) => sum + length, 0);
+    line.c.forEach((length, node) => {
+      shares[solution.state[node]] += length / total;
+    });
+    const entries = shares.map((share, code) => {
+      const { colour, name } = TC.stateOf(line, code);
+      return share > 0 ? TC.swatch(colour, `${name} (${Math.round(100 * share)} %)`) : "";
+    });
+    const hasHeldEnd = line.parts.some((part) => part.held[0] || part.held[1]);
+    return TC.legend(...entries, hasHeldEnd ? "hatched bar: held end" : "");
   },
   // The values at the node under the pointer.
-  hover(plots, line, c, pos) {
+  showUnderPointer(plots, line, solution, positionOf) {
     const marks = plots.map(({ plot }) =>
       plot.over.appendChild(
         TC.svgNode("line", {
@@ -766,86 +874,106 @@ TC.point = {
         }),
       ),
     );
-    const first = plots[0].plot;
-    const text = first.text(first.right, 30, "", { "text-anchor": "end", visibility: "hidden" });
-    const seen = (word) => [...marks, text].forEach((one) => one.setAttribute("visibility", word));
+    const firstPlot = plots[0].plot;
+    const text = firstPlot.text(firstPlot.right, 30, "", {
+      "text-anchor": "end",
+      visibility: "hidden",
+    });
+    const setVisibility = (visibility) =>
+      [...marks, text].forEach((mark) => mark.setAttribute("visibility", visibility));
     for (const { plot } of plots) {
-      plot.svg.addEventListener("pointermove", (e) => {
-        const v = plot.ix(e.clientX - plot.svg.getBoundingClientRect().left);
-        let best = 0;
-        for (let i = 1; i < c.u.length; i++)
-          if (Math.abs(pos(i) - v) < Math.abs(pos(best) - v)) best = i;
+      plot.svg.addEventListener("pointermove", (event) => {
+        const position = plot.ix(event.clientX - plot.svg.getBoundingClientRect().left);
+        let nearest = 0;
+        for (let node = 1; node < solution.u.length; node++)
+          if (Math.abs(positionOf(node) - position) < Math.abs(positionOf(nearest) - position))
+            nearest = node;
         for (const mark of marks)
-          for (const side of ["x1", "x2"]) mark.setAttribute(side, plot.px(pos(best)));
-        text.textContent = `${plots.map(({ key, word, scale }) => `${word} ${TC.number(c[key][best] / scale.by)} ${scale.unit}`).join(", ")}, ${TC.stateOf(line, c.state[best]).name}`;
-        seen("visible");
+          for (const side of ["x1", "x2"]) mark.setAttribute(side, plot.px(positionOf(nearest)));
+        const values = plots.map(({ key, word, scale }) => {
+          const value = TC.number(solution[key][nearest] / scale.by);
+          return `${word} ${value} ${scale.unit}`;
+        });
+        text.textContent = [...values, TC.stateOf(line, solution.state[nearest]).name].join(", ");
+        setVisibility("visible");
       });
-      plot.svg.addEventListener("pointerleave", () => seen("hidden"));
+      plot.svg.addEventListener("pointerleave", () => setVisibility("hidden"));
     }
   },
-  // The law f b(s / g) with the place of every node on it.
-  lawPlot(width, title, data, cases, line, f = 1, g = 1) {
-    const law = new TC.Law(data.pieces, f, g);
-    const us = cases.flatMap((c) => TC.range(c.u));
-    const widest = Math.max(...us.map(Math.abs), 0);
-    const all = [...us, 0];
-    const most = data.reach * g;
-    const reach = most > 0 ? Math.min(most, Math.max(3 * widest, 0.2 * most)) : widest || 1;
-    const both = Math.min(...all) < -0.02 * widest;
-    const lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all);
-    const hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all);
-    const [x0, x1] = TC.pad([lo, hi], 0.02);
-    const within = [...law.kinks.keys()].filter((k) => law.kinks[k] > x0 && law.kinks[k] < x1);
-    const ends = [x0, ...within.map((k) => law.kinks[k]), x1];
-    const curves = ends.slice(1).map((to, i) => {
-      const from = ends[i];
-      const k = law.piece(0.5 * (from + to), 1);
-      const n = law.a[k] === 0 ? 1 : 60;
-      const s = [...Array(n + 1).keys()].map((j) => from + ((to - from) * j) / n);
-      return [s, s.map((v) => law.value(v, k))];
+  // The law strength · b(s / stretch) with the place of every node on it.
+  lawPlot(width, title, data, cases, line, strength = 1, stretch = 1) {
+    const law = new TC.Law(data.pieces, strength, stretch);
+    const slips = cases.flatMap((solution) => TC.range(solution.u));
+    const widest = Math.max(...slips.map(Math.abs), 0);
+    const slipsAndZero = [...slips, 0];
+    const lawReach = data.reach * stretch;
+    const reach =
+      lawReach > 0 ? Math.min(lawReach, Math.max(3 * widest, 0.2 * lawReach)) : widest || 1;
+    const hasBothSigns = Math.min(...slipsAndZero) < -0.02 * widest;
+    const low = Math.min(hasBothSigns ? -0.6 * reach : -0.12 * reach, ...slipsAndZero);
+    const high = Math.max(
+      hasBothSigns && Math.max(...slipsAndZero) < 0.02 * widest ? 0.12 * reach : reach,
+      ...slipsAndZero,
+    );
+    const [xLow, xHigh] = TC.pad([low, high], 0.02);
+    const kinksInRange = [...law.kinks.keys()].filter(
+      (kink) => law.kinks[kink] > xLow && law.kinks[kink] < xHigh,
+    );
+    const segmentEnds = [xLow, ...kinksInRange.map((kink) => law.kinks[kink]), xHigh];
+    const curves = segmentEnds.slice(1).map((end, index) => {
+      const start = segmentEnds[index];
+      const kink = law.piece(0.5 * (start + end), 1);
+      const steps = law.a[kink] === 0 ? 1 : 60;
+      const slips = [...Array(steps + 1).keys()].map(
+        (step) => start + ((end - start) * step) / steps,
+      );
+      return [slips, slips.map((value) => law.value(value, kink))];
     });
-    const bs = [
+    const tractions = [
       0,
-      ...curves.flatMap(([, b]) => TC.range(b)),
-      ...cases.flatMap((c) => TC.range(c.xi)),
+      ...curves.flatMap(([, traction]) => TC.range(traction)),
+      ...cases.flatMap((solution) => TC.range(solution.xi)),
     ];
-    const u = TC.scale([lo, hi], line.u_T_units);
-    const y = TC.scale(bs, line.xi_units);
-    const put = (s, b) => ({
-      x: Array.from(s, (v) => v / u.by),
-      y: Array.from(b, (v) => v / y.by),
+    const slipScale = TC.scale([low, high], line.u_T_units);
+    const tractionScale = TC.scale(tractions, line.xi_units);
+    const scaled = (slips, traction) => ({
+      x: Array.from(slips, (value) => value / slipScale.by),
+      y: Array.from(traction, (value) => value / tractionScale.by),
     });
-    const items = curves.map(([s, b]) => ({
+    const items = curves.map(([slips, traction]) => ({
       kind: "line",
-      ...put(s, b),
+      ...scaled(slips, traction),
       colour: "var(--ink)",
       width: 1.6,
     }));
-    for (const k of within.filter((i) => law.kind[i] !== 0)) {
-      const up = law.kind[k] > 0;
+    for (const kink of kinksInRange.filter((index) => law.kind[index] !== 0)) {
+      const isUp = law.kind[kink] > 0;
       items.push({
         kind: "line",
-        ...put([law.kinks[k], law.kinks[k]], [law.left[k], law.right[k]]),
-        colour: up ? "var(--c1)" : "var(--c2)",
-        width: up ? 3 : 2,
-        dash: up ? "" : "4 3",
+        ...scaled([law.kinks[kink], law.kinks[kink]], [law.left[kink], law.right[kink]]),
+        colour: isUp ? "var(--c1)" : "var(--c2)",
+        width: isUp ? 3 : 2,
+        dash: isUp ? "" : "4 3",
       });
     }
-    cases.forEach((c, k) =>
+    cases.forEach((solution, kink) =>
       items.push({
         kind: "marks",
-        ...put(c.u, c.xi),
+        ...scaled(solution.u, solution.xi),
         shape: "circle",
         r: 3.2,
-        alpha: k ? 0 : 0.55,
-        fill: (i) => TC.stateOf(line, c.state[i]).colour,
+        alpha: kink ? 0 : 0.55,
+        fill: (index) => TC.stateOf(line, solution.state[index]).colour,
       }),
     );
-    const limits = [[x0 / u.by, x1 / u.by], TC.pad(TC.range(bs.map((v) => v / y.by)), 0.08)];
+    const limits = [
+      [xLow / slipScale.by, xHigh / slipScale.by],
+      TC.pad(TC.range(tractions.map((value) => value / tractionScale.by)), 0.08),
+    ];
     return TC.part.panel(
       {
         title,
-        labels: [TC.titled("slip u_T", u), TC.titled("ξ", y)],
+        labels: [TC.withUnit("slip u_T", slipScale), TC.withUnit("ξ", tractionScale)],
         log: [false, false],
         limits,
         items,
@@ -854,105 +982,128 @@ TC.point = {
       width,
     );
   },
-  law(host, line, cases, p, vs) {
-    const laws = TC.point.lawsOf(p);
-    const strength = TC.point.strength(line, p);
+  law(host, line, cases, point, compared) {
+    const laws = TC.point.lawsOf(point);
+    const strength = TC.point.strength(line, point);
     const units = line.xi_units === "1" ? "1" : "Pa m-1";
     if (!laws[0]) {
       host.append(
         TC.h3("Friction law"),
         TC.note(
-          "The page has no laws: the text of the study cannot be read here, or it has too many points.",
+          "The page has no laws: " +
+            "the text of the study cannot be read here, or it has too many points.",
         ),
       );
       return;
     }
-    laws.forEach((law, k) => {
-      const other =
-        vs !== null && TC.point.lawsOf(vs)[k] !== law
+    laws.forEach((law, index) => {
+      const difference =
+        compared !== null && TC.point.lawsOf(compared)[index] !== law
           ? " (the compared point has another law; its places are drawn all the same)"
           : "";
-      const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "";
-      const scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
+      const edge = strength && TC.data.laws.edges[index] ? ` of ${TC.data.laws.edges[index]}` : "";
+      const scaled =
+        strength && [...strength].some((factor) => factor > 0 && Math.abs(factor - 1) > 1e-4);
       const omega =
         law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units);
-      const own = strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases;
+      const solutions = strength
+        ? cases.map((solution) => TC.point.nodesOfEdge(solution, strength, index))
+        : cases;
       host.append(
         TC.point.lawPlot(
           TC.width(host),
           `Friction law${edge} (${law.name}) and where every node stands on it`,
           law,
-          own,
+          solutions,
           line,
         ),
         TC.legend(
-          `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`,
+          `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump` +
+            (scaled ? "; ξ divided by the strength at its node" : "") +
+            difference,
         ),
       );
     });
   },
   // The nodes of one edge's law, without gaps in the bond, ξ as the law has it.
-  onEdge(c, strength, k) {
-    const own = [...c.u.keys()].filter((i) => c.line.of_law[i] === k && strength[i] > 0);
-    const pick = (values) => own.map((i) => values[i]);
-    return { u: pick(c.u), xi: own.map((i) => c.xi[i] / strength[i]), state: pick(c.state) };
+  nodesOfEdge(solution, strength, law) {
+    const nodes = [...solution.u.keys()].filter(
+      (node) => solution.line.of_law[node] === law && strength[node] > 0,
+    );
+    const pick = (values) => nodes.map((node) => values[node]);
+    return {
+      u: pick(solution.u),
+      xi: nodes.map((node) => solution.xi[node] / strength[node]),
+      state: pick(solution.state),
+    };
   },
-  energies(host, p, level) {
-    const r = TC.data.run;
-    const e = TC.run.energies(p, level);
-    const found = e
-      .map((v, k) => ({ v, name: r.starts[k], used: TC.run.flag("start_used", p, level) === k }))
-      .filter((o) => Number.isFinite(o.v));
-    if (!found.length) return;
-    const least = Math.min(...found.map((o) => o.v));
-    const size = Math.max(...found.map((o) => Math.abs(o.v))) || 1;
-    const units = r.numbers.energy ? r.numbers.energy.units : "1";
-    const told = (gap) => (gap <= 1e-9 * size ? "least" : `+ ${TC.quantity(gap, units, 3)}`);
-    const rows = found.map((o) => [
-      o.name,
-      TC.quantity(o.v, units, 5),
-      told(o.v - least),
-      o.used ? "stored" : "",
+  energies(host, point, level) {
+    const run = TC.data.run;
+    const energies = TC.run.energies(point, level);
+    const starts = energies
+      .map((energy, index) => ({
+        v: energy,
+        name: run.starts[index],
+        used: TC.run.flag("start_used", point, level) === index,
+      }))
+      .filter((start) => Number.isFinite(start.v));
+    if (!starts.length) return;
+    const lowest = Math.min(...starts.map((start) => start.v));
+    const largest = Math.max(...starts.map((start) => Math.abs(start.v))) || 1;
+    const units = run.numbers.energy ? run.numbers.energy.units : "1";
+    const gapText = (gap) => (gap <= 1e-9 * largest ? "least" : `+ ${TC.quantity(gap, units, 3)}`);
+    const rows = starts.map((start) => [
+      start.name,
+      TC.quantity(start.v, units, 5),
+      gapText(start.v - lowest),
+      start.used ? "stored" : "",
     ]);
     host.append(
       TC.h3("Energy of the solution that each start leads to"),
-      TC.wide(["start", "energy", "", ""], rows, (k) => (k === 0 || k === 3) && "text"),
+      TC.wideTable(
+        ["start", "energy", "", ""],
+        rows,
+        (index) => (index === 0 || index === 3) && "text",
+      ),
       TC.note(
-        TC.run.several(p, level)
+        TC.run.hasSeveral(point, level)
           ? "Different energies: more than one solution was found."
           : "All starts lead to the same energy.",
       ),
     );
   },
-  table(host, p, vs, level) {
-    const r = TC.data.run;
-    const cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5);
-    const names = Object.keys(r.numbers).filter(
-      (n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity,
+  table(host, point, compared, level) {
+    const run = TC.data.run;
+    const valueText = (name, shownPoint) =>
+      TC.quantity(TC.run.value(name, shownPoint, level), run.numbers[name].units, 5);
+    const quantities = Object.keys(run.numbers).filter(
+      (quantity) =>
+        Number.isFinite(TC.run.value(quantity, point, level)) ||
+        TC.run.value(quantity, point, level) === Infinity,
     );
-    const rows = names.map((n) =>
+    const rows = quantities.map((quantity) =>
       TC.el(
         "tr",
         {},
-        TC.el("th", { title: r.numbers[n].long_name }, TC.symbol(n)),
-        TC.el("td", {}, cell(n, p)),
-        vs !== null ? TC.el("td", {}, cell(n, vs)) : null,
+        TC.el("th", { title: run.numbers[quantity].long_name }, TC.symbol(quantity)),
+        TC.el("td", {}, valueText(quantity, point)),
+        compared !== null ? TC.el("td", {}, valueText(quantity, compared)) : null,
       ),
     );
     const head =
-      vs !== null
+      compared !== null
         ? TC.el(
             "tr",
             {},
             TC.el("th", {}, ""),
             TC.el("td", {}, TC.el("b", {}, "this point")),
-            TC.el("td", {}, TC.el("b", {}, TC.run.words(TC.run.index(vs)))),
+            TC.el("td", {}, TC.el("b", {}, TC.run.words(TC.run.indicesOf(compared)))),
           )
         : null;
     host.append(
       TC.el(
         "details",
-        { open: vs !== null || (r.asked || []).length > 0 },
+        { open: compared !== null || (run.asked || []).length > 0 },
         TC.el("summary", {}, "All numbers of this point"),
         TC.el("table", { class: "facts" }, TC.el("tbody", {}, head, rows)),
       ),

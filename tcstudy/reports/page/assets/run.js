@@ -1,113 +1,128 @@
 // The page of a run: the sweep as a map and curves, accuracy and cost, the data.
 TC.run = {
   setup(given) {
-    const r = TC.data.run;
-    const s = TC.state;
-    r.points = r.shape.reduce((a, b) => a * b, 1);
-    r.nlevels = r.levels.h_max.length;
-    r.grid = r.mode === "grid";
-    r.varied = r.grid ? r.axes.filter((a) => a.values.length > 1) : r.axes;
-    const byName = (n) => r.varied.find((a) => a.name === n);
-    const numeric = r.varied.filter((a) => a.numeric);
-    const texts = r.varied.filter((a) => !a.numeric);
-    const ranked = [...numeric].sort((a, b) => new Set(b.values).size - new Set(a.values).size);
-    s.x = (byName(given.x) || ranked[0] || texts[0] || {}).name;
-    const rest = [...ranked, ...texts].filter((a) => a.name !== s.x);
-    s.y = (byName(given.y) && given.y !== s.x ? byName(given.y) : rest[0] || {}).name;
-    const by = [...texts, ...ranked].filter((a) => a.name !== s.x && !a.drawn);
-    s.by = (by.find((a) => a.name === given.by) || by[0] || {}).name;
-    const names = Object.keys(r.numbers);
-    s.q = names.includes(given.q) ? given.q : names[0];
-    s.level = TC.whole(given.level, r.nlevels, r.nlevels - 1);
-    s.at = TC.run.place(given.at) || TC.run.worst();
-    s.vs = TC.run.place(given.vs) || null;
-    s.eq = TC.whole(given.eq, 1e6, 0);
-    s.deform =
+    const run = TC.data.run;
+    const state = TC.state;
+    run.points = run.shape.reduce((product, count) => product * count, 1);
+    run.nlevels = run.levels.h_max.length;
+    run.grid = run.mode === "grid";
+    run.varied = run.grid ? run.axes.filter((axis) => axis.values.length > 1) : run.axes;
+    const byName = (name) => run.varied.find((axis) => axis.name === name);
+    const numeric = run.varied.filter((axis) => axis.numeric);
+    const texts = run.varied.filter((axis) => !axis.numeric);
+    const numericByCount = [...numeric].sort(
+      (first, second) => new Set(second.values).size - new Set(first.values).size,
+    );
+    state.x = (byName(given.x) || numericByCount[0] || texts[0] || {}).name;
+    const upAxes = [...numericByCount, ...texts].filter((axis) => axis.name !== state.x);
+    state.y = (byName(given.y) && given.y !== state.x ? byName(given.y) : upAxes[0] || {}).name;
+    const seriesAxes = [...texts, ...numericByCount].filter(
+      (axis) => axis.name !== state.x && !axis.drawn,
+    );
+    state.by = (seriesAxes.find((axis) => axis.name === given.by) || seriesAxes[0] || {}).name;
+    const names = Object.keys(run.numbers);
+    state.q = names.includes(given.q) ? given.q : names[0];
+    state.level = TC.indexBelow(given.level, run.nlevels, run.nlevels - 1);
+    state.at = TC.run.indicesFrom(given.at) || TC.run.pointOfLargestSlip();
+    state.vs = TC.run.indicesFrom(given.vs) || null;
+    state.eq = TC.indexBelow(given.eq, 1e6, 0);
+    state.deform =
       given.deform !== undefined && Number.isFinite(Number(given.deform))
         ? Number(given.deform)
         : 1;
-    s.sort = given.sort !== undefined ? Number(given.sort) : -1;
-    s.down = given.down === "1" ? 1 : 0;
-    s.step = given.step;
-    for (const key of ["xof", "yof"]) if (given[key]) s[key] = given[key];
-    s.mode = given.mode === "live" && TC.data.live ? "live" : "";
+    state.sort = given.sort !== undefined ? Number(given.sort) : -1;
+    state.down = given.down === "1" ? 1 : 0;
+    state.step = given.step;
+    for (const key of ["xof", "yof"]) if (given[key]) state[key] = given[key];
+    state.mode = given.mode === "live" && TC.data.live ? "live" : "";
   },
-  place(text) {
+  indicesFrom(text) {
     if (text === undefined) return null;
     const at = String(text).split(",").map(Number);
     const shape = TC.data.run.shape;
     if (!shape.length) return [];
     return at.length === shape.length &&
-      at.every((v, i) => Number.isInteger(v) && v >= 0 && v < shape[i])
+      at.every(
+        (index, dimension) => Number.isInteger(index) && index >= 0 && index < shape[dimension],
+      )
       ? at
       : null;
   },
   // The solved point with the largest slip: what one looks for first.
-  worst() {
-    const r = TC.data.run;
-    const u = r.numbers.u_T_max;
-    const level = r.nlevels - 1;
-    let best = 0;
-    let most = -1;
-    for (let p = 0; p < r.points; p++)
-      if (TC.run.flag("status", p, level) === 1 && u && u.v[p * r.nlevels + level] > most) {
-        most = u.v[p * r.nlevels + level];
-        best = p;
+  pointOfLargestSlip() {
+    const run = TC.data.run;
+    const largestSlip = run.numbers.u_T_max;
+    const level = run.nlevels - 1;
+    let worstPoint = 0;
+    let largest = -1;
+    for (let point = 0; point < run.points; point++)
+      if (
+        TC.run.flag("status", point, level) === 1 &&
+        largestSlip &&
+        largestSlip.v[point * run.nlevels + level] > largest
+      ) {
+        largest = largestSlip.v[point * run.nlevels + level];
+        worstPoint = point;
       }
-    return TC.run.index(best);
+    return TC.run.indicesOf(worstPoint);
   },
-  index(p, shape = TC.data.run.shape) {
-    const at = [];
-    for (let i = shape.length - 1; i >= 0; i--) {
-      at[i] = p % shape[i];
-      p = Math.floor(p / shape[i]);
+  indicesOf(point, shape = TC.data.run.shape) {
+    const indices = [];
+    for (let dimension = shape.length - 1; dimension >= 0; dimension--) {
+      indices[dimension] = point % shape[dimension];
+      point = Math.floor(point / shape[dimension]);
     }
-    return at;
+    return indices;
   },
-  flat: (at) => at.reduce((p, i, k) => p * TC.data.run.shape[k] + i, 0),
-  axis: (name) => TC.data.run.axes.find((a) => a.name === name),
-  dim: (name) => TC.data.run.dims.indexOf(TC.run.axis(name).dim),
-  flag(name, p, level) {
-    const f = TC.data.run.flags[name];
-    return f ? f[p * TC.data.run.nlevels + level] : 0;
+  pointAt: (at) =>
+    at.reduce((point, index, dimension) => point * TC.data.run.shape[dimension] + index, 0),
+  axis: (name) => TC.data.run.axes.find((axis) => axis.name === name),
+  dimensionOf: (name) => TC.data.run.dims.indexOf(TC.run.axis(name).dim),
+  flag(name, point, level) {
+    const flag = TC.data.run.flags[name];
+    return flag ? flag[point * TC.data.run.nlevels + level] : 0;
   },
-  value(name, p, level) {
-    const n = TC.data.run.numbers[name];
-    return n ? n.v[p * TC.data.run.nlevels + level] : NaN;
+  value(name, point, level) {
+    const quantity = TC.data.run.numbers[name];
+    return quantity ? quantity.v[point * TC.data.run.nlevels + level] : NaN;
   },
-  energies(p, level) {
-    const r = TC.data.run;
-    const k = r.starts.length;
-    return r.start_energy
+  energies(point, level) {
+    const run = TC.data.run;
+    const startCount = run.starts.length;
+    return run.start_energy
       ? Array.from(
-          r.start_energy.slice((p * r.nlevels + level) * k, (p * r.nlevels + level + 1) * k),
+          run.start_energy.slice(
+            (point * run.nlevels + level) * startCount,
+            (point * run.nlevels + level + 1) * startCount,
+          ),
         )
       : [];
   },
   // Sizes of the levels, of the geometry of point p where there are several.
-  levels: (p) => TC.point.home(p).levels || TC.data.run.levels,
-  several: (p, level) => TC.run.flag("several", p, level) === 1, // starts led to different energies
+  levels: (point) => TC.point.geometryOf(point).levels || TC.data.run.levels,
+  // Whether the starts led to different energies.
+  hasSeveral: (point, level) => TC.run.flag("several", point, level) === 1,
   words(at) {
-    const r = TC.data.run;
-    if (!r.axes.length) return "the one point of the study";
-    return r.axes
-      .map((a) =>
-        `${TC.symbol(a.name)} = ${TC.axisText(a, at[TC.run.dim(a.name)])}`.replace(
-          a.numeric ? /$^/ : " = ",
+    const run = TC.data.run;
+    if (!run.axes.length) return "the one point of the study";
+    return run.axes
+      .map((axis) =>
+        `${TC.symbol(axis.name)} = ${TC.axisText(axis, at[TC.run.dimensionOf(axis.name)])}`.replace(
+          axis.numeric ? /$^/ : " = ",
           ": ",
         ),
       )
       .join(", ");
   },
   // What is known of a point: failed, unique, global, local, nothing.
-  proof(p, level) {
-    if (TC.run.flag("status", p, level) !== 1) return "failed";
+  proof(point, level) {
+    if (TC.run.flag("status", point, level) !== 1) return "failed";
     for (const [flag, word] of [
       ["unique", "unique"],
       ["global_minimum", "global"],
       ["strict_minimum", "local"],
     ])
-      if (TC.run.flag(flag, p, level) === 1) return word;
+      if (TC.run.flag(flag, point, level) === 1) return word;
     return "nothing";
   },
   draw() {
@@ -116,15 +131,15 @@ TC.run = {
     TC.run.map(host.map);
     TC.run.curves(host.curves);
     if (TC.data.steps) {
-      const p = TC.run.flat(TC.state.at);
-      const own = TC.data.steps[p];
+      const point = TC.run.pointAt(TC.state.at);
+      const history = TC.data.steps[point];
       TC.show(
         host.point,
-        own.point,
+        history.point,
         TC.data.run.points > 1 ? TC.el("p", {}, TC.el("b", {}, TC.run.words(TC.state.at))) : null,
       );
-      TC.show(host.accuracy, own.accuracy);
-      TC.show(host.steps, own.table);
+      TC.show(host.accuracy, history.accuracy);
+      TC.show(host.steps, history.table);
     } else {
       TC.point.draw(host.point);
       TC.run.accuracy(host.accuracy);
@@ -137,135 +152,150 @@ TC.run = {
     const controls = TC.el("div", { class: "controls noprint" });
     const map = TC.panel();
     const curves = TC.panel();
-    const two = TC.data.run.varied.length > 1;
-    sweep.append(controls, two ? TC.el("div", { class: "columns" }, map, curves) : curves);
+    const hasMap = TC.data.run.varied.length > 1;
+    sweep.append(controls, hasMap ? TC.el("div", { class: "columns" }, map, curves) : curves);
     const swept = TC.data.run.varied.length > 0;
     const steps = Boolean(TC.data.steps);
-    const n = (k) => `${swept ? k : k - 1}  `;
+    const heading = (number) => `${swept ? number : number - 1}  `;
     const point = TC.section(
-      steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution",
+      steps ? heading(2) + "Loop and steps" : swept ? "2  The point" : "The solution",
       "point",
     );
     const accuracy = TC.section(
-      steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost",
+      steps ? heading(3) + "Energies and cycles" : "3  How accurate, at what cost",
       "accuracy",
     );
-    const data = TC.section((steps ? n(4) : "4  ") + "The data", "table");
+    const data = TC.section((steps ? heading(4) : "4  ") + "The data", "table");
     const rows = steps && !swept ? null : TC.el("div");
     const stepRows = steps ? TC.el("div", { id: "steps" }) : null;
     data.append(...[stepRows, rows].filter(Boolean));
     TC.provenance(data);
-    return { controls, map: two ? map : null, curves, point, accuracy, rows, steps: stepRows };
+    return { controls, map: hasMap ? map : null, curves, point, accuracy, rows, steps: stepRows };
   },
   controls(host) {
-    const r = TC.data.run;
-    const s = TC.state;
-    const out = [];
-    out.push(
+    const run = TC.data.run;
+    const state = TC.state;
+    const controls = [];
+    controls.push(
       TC.choice(
         "quantity",
-        Object.keys(r.numbers).map((n) => [n, TC.symbol(n)]),
-        s.q,
+        Object.keys(run.numbers).map((name) => [name, TC.symbol(name)]),
+        state.q,
         (q) => TC.set({ q }),
       ),
     );
-    if (r.varied.length > 1) {
-      const names = r.varied.map((a) => [a.name, TC.symbol(a.name)]);
-      const by = names.filter(([n]) => n !== s.x && !TC.run.axis(n).drawn);
-      out.push(
-        TC.choice("across", names, s.x, (x) =>
+    if (run.varied.length > 1) {
+      const axisOptions = run.varied.map((axis) => [axis.name, TC.symbol(axis.name)]);
+      const seriesOptions = axisOptions.filter(
+        ([name]) => name !== state.x && !TC.run.axis(name).drawn,
+      );
+      controls.push(
+        TC.choice("across", axisOptions, state.x, (x) =>
           TC.set({
             x,
-            y: x === s.y ? s.x : s.y,
-            by: x !== s.by ? s.by : TC.run.axis(s.x).drawn ? undefined : s.x,
+            y: x === state.y ? state.x : state.y,
+            by: x !== state.by ? state.by : TC.run.axis(state.x).drawn ? undefined : state.x,
           }),
         ),
       );
-      out.push(
+      controls.push(
         TC.choice(
           "map: up",
-          names.filter(([n]) => n !== s.x),
-          s.y,
+          axisOptions.filter(([name]) => name !== state.x),
+          state.y,
           (y) => TC.set({ y }),
         ),
       );
-      if (by.length) out.push(TC.choice("curves: one for each", by, s.by, (by) => TC.set({ by })));
+      if (seriesOptions.length)
+        controls.push(
+          TC.choice("curves: one for each", seriesOptions, state.by, (seriesOptions) =>
+            TC.set({ by: seriesOptions }),
+          ),
+        );
     }
-    if (r.nlevels > 1)
-      out.push(
+    if (run.nlevels > 1)
+      controls.push(
         TC.slider(
           "level",
           TC.run
-            .levels(TC.run.flat(s.at))
-            .h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`),
-          s.level,
+            .levels(TC.run.pointAt(state.at))
+            .h_max.map((size, index) => `${index} (h = ${TC.quantity(size, run.units.h_max, 3)})`),
+          state.level,
           (level) => TC.set({ level }),
         ),
       );
-    if (r.grid)
-      for (const a of r.varied) {
-        const d = TC.run.dim(a.name);
-        const texts = { length: a.values.length, at: (i) => TC.axisText(a, i) };
-        const move = (i) => {
-          const at = s.at.slice();
-          at[d] = i;
+    if (run.grid)
+      for (const axis of run.varied) {
+        const dimension = TC.run.dimensionOf(axis.name);
+        const texts = { length: axis.values.length, at: (index) => TC.axisText(axis, index) };
+        const move = (index) => {
+          const at = state.at.slice();
+          at[dimension] = index;
           TC.set({ at });
         };
-        out.push(
-          a.numeric
-            ? TC.slider(TC.symbol(a.name), texts, s.at[d], move)
+        controls.push(
+          axis.numeric
+            ? TC.slider(TC.symbol(axis.name), texts, state.at[dimension], move)
             : TC.choice(
-                TC.symbol(a.name),
-                a.values.map((t, i) => [i, t]),
-                s.at[d],
-                (v) => move(Number(v)),
+                TC.symbol(axis.name),
+                axis.values.map((text, index) => [index, text]),
+                state.at[dimension],
+                (value) => move(Number(value)),
               ),
         );
       }
     else
-      out.push(
+      controls.push(
         TC.slider(
           "point",
-          { length: r.points, at: (p) => `${p + 1} of ${r.points}` },
-          s.at[0],
-          (i) => TC.set({ at: [i] }),
+          { length: run.points, at: (point) => `${point + 1} of ${run.points}` },
+          state.at[0],
+          (index) => TC.set({ at: [index] }),
         ),
       );
-    TC.fill(host, out);
+    TC.fill(host, controls);
   },
   // Colour of a value, and the bar that explains it.
   shade(values) {
-    const [lo, hi] = TC.range(values);
+    const [low, high] = TC.range(values);
     return {
-      lo,
-      hi,
-      of: (v) => TC.colour(hi > lo && Number.isFinite(v) ? (v - lo) / (hi - lo) : 0.5),
+      lo: low,
+      hi: high,
+      of: (value) =>
+        TC.colour(high > low && Number.isFinite(value) ? (value - low) / (high - low) : 0.5),
     };
   },
   map(host) {
     if (!host) return;
-    const r = TC.data.run;
-    const s = TC.state;
-    const q = r.numbers[s.q];
-    const all = [];
-    const ax = TC.run.axis(s.x);
-    const ay = TC.run.axis(s.y);
-    for (let p = 0; p < r.points; p++)
-      if (TC.run.flag("status", p, s.level) === 1) all.push(q.v[p * r.nlevels + s.level]);
-    const shade = TC.run.shade(all);
-    const scale = TC.scale(all, q.units);
+    const run = TC.data.run;
+    const state = TC.state;
+    const quantity = run.numbers[state.q];
+    const values = [];
+    const xAxis = TC.run.axis(state.x);
+    const yAxis = TC.run.axis(state.y);
+    for (let point = 0; point < run.points; point++)
+      if (TC.run.flag("status", point, state.level) === 1)
+        values.push(quantity.v[point * run.nlevels + state.level]);
+    const shade = TC.run.shade(values);
+    const scale = TC.scale(values, quantity.units);
     const width = TC.width(host);
     const title = TC.h3(
-      TC.titled(TC.symbol(s.q), scale) + (r.nlevels > 1 ? `, level ${s.level}` : ""),
+      TC.withUnit(TC.symbol(state.q), scale) + (run.nlevels > 1 ? `, level ${state.level}` : ""),
     );
-    const svg = r.grid
-      ? TC.run.cells(width, ax, ay, shade, scale)
-      : TC.run.scatter(width, ax, ay, shade, scale);
-    const fixed = r.grid ? r.varied.filter((a) => a.name !== s.x && a.name !== s.y) : [];
-    const note = fixed.length
+    const svg = run.grid
+      ? TC.run.cells(width, xAxis, yAxis, shade, scale)
+      : TC.run.scatter(width, xAxis, yAxis, shade, scale);
+    const fixedAxes = run.grid
+      ? run.varied.filter((axis) => axis.name !== state.x && axis.name !== state.y)
+      : [];
+    const note = fixedAxes.length
       ? "at " +
-        fixed
-          .map((a) => `${TC.symbol(a.name)} = ${TC.axisText(a, s.at[TC.run.dim(a.name)])}`)
+        fixedAxes
+          .map(
+            (axis) =>
+              `${TC.symbol(axis.name)} = ` +
+              TC.axisText(axis, state.at[TC.run.dimensionOf(axis.name)]),
+          )
           .join(", ")
       : "";
     TC.fill(
@@ -279,12 +309,12 @@ TC.run = {
   },
   patterns(svg) {
     const defs = svg.appendChild(TC.svgNode("defs"));
-    const turned = { patternTransform: "rotate(45)" };
-    for (const [tone, c] of [
+    const rotation = { patternTransform: "rotate(45)" };
+    for (const [tone, colour] of [
       ["l", "rgba(255,255,255,.85)"],
       ["d", "rgba(0,0,0,.75)"],
     ]) {
-      const add = (name, size, look, mark) =>
+      const add = (name, size, attributes, mark) =>
         defs.append(
           TC.svgNode(
             "pattern",
@@ -293,7 +323,7 @@ TC.run = {
               width: size,
               height: size,
               patternUnits: "userSpaceOnUse",
-              ...look,
+              ...attributes,
             },
             mark,
           ),
@@ -301,274 +331,352 @@ TC.run = {
       add(
         "local",
         8,
-        turned,
-        TC.svgNode("line", { x1: 0, y1: 0, x2: 0, y2: 8, stroke: c, "stroke-width": 1.6 }),
+        rotation,
+        TC.svgNode("line", { x1: 0, y1: 0, x2: 0, y2: 8, stroke: colour, "stroke-width": 1.6 }),
       );
-      add("global", 9, {}, TC.svgNode("circle", { cx: 3, cy: 3, r: 1.3, fill: c }));
+      add("global", 9, {}, TC.svgNode("circle", { cx: 3, cy: 3, r: 1.3, fill: colour }));
       add(
         "nothing",
         8,
-        turned,
-        TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: c, "stroke-width": 1.4 }),
+        rotation,
+        TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: colour, "stroke-width": 1.4 }),
       );
     }
   },
-  // One piece of a pattern, for the middle of a round point, where patterns would bite into its edge.
-  dot(proof, x, y, r, tone) {
-    const c = tone === "l" ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)";
-    const slash = `M${x - r},${y + r}L${x + r},${y - r}`;
-    if (proof === "global") return TC.svgNode("circle", { cx: x, cy: y, r: 1.3, fill: c });
+  // One piece of a pattern for the middle of a round point: a pattern would cut into its edge.
+  dot(proof, x, y, radius, tone) {
+    const colour = tone === "l" ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)";
+    const slash = `M${x - radius},${y + radius}L${x + radius},${y - radius}`;
+    if (proof === "global") return TC.svgNode("circle", { cx: x, cy: y, r: 1.3, fill: colour });
     return TC.svgNode("path", {
-      d: proof === "local" ? slash : `${slash}M${x - r},${y - r}L${x + r},${y + r}`,
-      stroke: c,
+      d:
+        proof === "local"
+          ? slash
+          : `${slash}M${x - radius},${y - radius}L${x + radius},${y + radius}`,
+      stroke: colour,
       "stroke-width": 1.5,
     });
   },
   PROOFS: ["failed", "nothing", "local", "global", "unique"],
-  // Points in one cell: the median of their values, what is proved of all of them; a click takes the middle one. A single point is round.
-  cell(svg, x, y, w, h, points, shade, scale, numbers, round = false) {
-    const area = (inset, look) =>
+  // Points in one cell: the median of their values and the weakest of their certificates.
+  // A click takes the middle one. A single point is round.
+  cell(svg, x, y, width, height, points, shade, scale, numbers, round = false) {
+    const shapeOf = (inset, attributes) =>
       round
         ? TC.svgNode("circle", {
-            cx: x + w / 2,
-            cy: y + h / 2,
-            r: Math.max(0, w / 2 - inset),
-            ...look,
+            cx: x + width / 2,
+            cy: y + height / 2,
+            r: Math.max(0, width / 2 - inset),
+            ...attributes,
           })
         : TC.svgNode("rect", {
             x: x + inset,
             y: y + inset,
-            width: Math.max(0, w - 2 * inset),
-            height: Math.max(0, h - 2 * inset),
-            ...look,
+            width: Math.max(0, width - 2 * inset),
+            height: Math.max(0, height - 2 * inset),
+            ...attributes,
           });
-    const s = TC.state;
-    const p = points[points.length >> 1];
-    const known = points.map((k) => TC.run.PROOFS.indexOf(TC.run.proof(k, s.level)));
-    const proof = TC.run.PROOFS[Math.min(...known)];
-    const all = points
-      .filter((_, i) => known[i] > 0)
-      .map((k) => TC.run.value(s.q, k, s.level))
-      .sort((a, b) => a - b);
-    const v = all.length ? all[all.length >> 1] : NaN;
-    const rgb = shade.of(v);
-    const tone = TC.dark(rgb) ? "l" : "d";
-    const several = points.some((k) => TC.run.several(k, s.level));
-    const units = TC.data.run.numbers[s.q].units;
-    const g = TC.svgNode("g", { class: "cell", "data-point": p });
-    const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.data.proofs[proof]}`;
-    g.append(TC.svgNode("title", {}, tip + (several ? "\nstarts led to different solutions" : "")));
+    const state = TC.state;
+    const point = points[points.length >> 1];
+    const proofRanks = points.map((index) =>
+      TC.run.PROOFS.indexOf(TC.run.proof(index, state.level)),
+    );
+    const proof = TC.run.PROOFS[Math.min(...proofRanks)];
+    const values = points
+      .filter((_, index) => proofRanks[index] > 0)
+      .map((index) => TC.run.value(state.q, index, state.level))
+      .sort((first, second) => first - second);
+    const median = values.length ? values[values.length >> 1] : NaN;
+    const colour = shade.of(median);
+    const tone = TC.dark(colour) ? "l" : "d";
+    const several = points.some((index) => TC.run.hasSeveral(index, state.level));
+    const units = TC.data.run.numbers[state.q].units;
+    const group = TC.svgNode("g", { class: "cell", "data-point": point });
+    const countText = points.length > 1 ? `${points.length} points about ` : "";
+    const lowest = TC.quantity(values[0], units);
+    const highest = TC.quantity(values[values.length - 1], units);
+    const rangeText = points.length > 1 ? ` (median; ${lowest} to ${highest})` : "";
+    const tip = [
+      countText + TC.run.words(TC.run.indicesOf(point)),
+      `${TC.symbol(state.q)} = ${TC.quantity(median, units)}${rangeText}`,
+      TC.data.proofs[proof],
+    ].join("\n");
+    group.append(
+      TC.svgNode("title", {}, tip + (several ? "\nstarts led to different solutions" : "")),
+    );
     if (proof === "failed") {
-      g.append(
-        area(0, { fill: "var(--shade)", stroke: "var(--bad)" }),
+      const right = x + width - 4;
+      const bottom = y + height - 4;
+      group.append(
+        shapeOf(0, { fill: "var(--shade)", stroke: "var(--bad)" }),
         TC.svgNode("path", {
-          d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`,
+          d: `M${x + 4},${y + 4}L${right},${bottom}M${right},${y + 4}L${x + 4},${bottom}`,
           stroke: "var(--bad)",
           "stroke-width": 2,
         }),
       );
     } else {
-      g.append(area(0, { fill: TC.css(rgb) }));
+      group.append(shapeOf(0, { fill: TC.css(colour) }));
       if (proof !== "unique")
-        g.append(
+        group.append(
           round
-            ? TC.run.dot(proof, x + w / 2, y + h / 2, w / 3, tone)
-            : area(0, { fill: `url(#${proof}-${tone})` }),
+            ? TC.run.dot(proof, x + width / 2, y + height / 2, width / 3, tone)
+            : shapeOf(0, { fill: `url(#${proof}-${tone})` }),
         );
       if (several)
-        g.append(
-          area(round ? 1 : 2.5, { fill: "none", stroke: "#d55e00", "stroke-width": round ? 2 : 3 }),
+        group.append(
+          shapeOf(round ? 1 : 2.5, {
+            fill: "none",
+            stroke: "#d55e00",
+            "stroke-width": round ? 2 : 3,
+          }),
         );
       if (numbers) {
-        const text = TC.number(v / scale.by, 3);
-        const wide = 7.2 * text.length + 6;
-        g.append(
+        const text = TC.number(median / scale.by, 3);
+        const textWidth = 7.2 * text.length + 6;
+        group.append(
           TC.svgNode("rect", {
-            x: x + w / 2 - wide / 2,
-            y: y + h / 2 - 8,
-            width: wide,
+            x: x + width / 2 - textWidth / 2,
+            y: y + height / 2 - 8,
+            width: textWidth,
             height: 16,
-            fill: TC.css(rgb),
+            fill: TC.css(colour),
           }),
           TC.svgNode(
             "text",
             {
-              x: x + w / 2,
-              y: y + h / 2 + 4.5,
+              x: x + width / 2,
+              y: y + height / 2 + 4.5,
               "text-anchor": "middle",
-              style: `fill:${TC.dark(rgb) ? "#fff" : "#111"}`,
+              style: `fill:${TC.dark(colour) ? "#fff" : "#111"}`,
             },
             text,
           ),
         );
       }
     }
-    g.addEventListener("click", (e) =>
-      TC.set(e.shiftKey ? { vs: TC.run.index(p) } : { at: TC.run.index(p) }),
+    group.addEventListener("click", (event) =>
+      TC.set(event.shiftKey ? { vs: TC.run.indicesOf(point) } : { at: TC.run.indicesOf(point) }),
     );
-    svg.append(g);
+    svg.append(group);
   },
   // n places in groups of neighbours, `most` or fewer: [first, behind] of each.
-  groups(n, most) {
-    const k = Math.ceil(n / most);
-    return [...Array(Math.ceil(n / k))].map((_, i) => [i * k, Math.min(n, (i + 1) * k)]);
+  groups(count, maxGroups) {
+    const size = Math.ceil(count / maxGroups);
+    return [...Array(Math.ceil(count / size))].map((_, index) => [
+      index * size,
+      Math.min(count, (index + 1) * size),
+    ]);
   },
-  cells(width, ax, ay, shade, scale) {
-    const s = TC.state;
-    const gx = TC.run.groups(ax.values.length, 60);
-    const gy = TC.run.groups(ay.values.length, 40);
-    const nx = gx.length;
-    const ny = gy.length;
-    const kx = gx[0][1];
-    const ky = gy[0][1];
-    const dx = TC.run.dim(ax.name);
-    const dy = TC.run.dim(ay.name);
-    const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1;
-    const left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide);
-    const w = (width - left - 8) / nx;
-    const h = Math.max(
+  cells(width, xAxis, yAxis, shade, scale) {
+    const state = TC.state;
+    const xGroups = TC.run.groups(xAxis.values.length, 60);
+    const yGroups = TC.run.groups(yAxis.values.length, 40);
+    const columnCount = xGroups.length;
+    const rowCount = yGroups.length;
+    const xGroupSize = xGroups[0][1];
+    const yGroupSize = yGroups[0][1];
+    const xDimension = TC.run.dimensionOf(xAxis.name);
+    const yDimension = TC.run.dimensionOf(yAxis.name);
+    const labelLetters = yAxis.numeric
+      ? 7
+      : Math.max(...yAxis.values.map((value) => String(value).length)) * 1;
+    const left = yAxis.numeric ? 66 : Math.min(150, 34 + 7 * labelLetters);
+    const cellWidth = (width - left - 8) / columnCount;
+    const cellHeight = Math.max(
       14,
-      (6.4 * TC.axisTitle(ay).length) / ny,
-      Math.min(62, 330 / ny, Math.max(26, w)),
+      (6.4 * TC.axisTitle(yAxis).length) / rowCount,
+      Math.min(62, 330 / rowCount, Math.max(26, cellWidth)),
     );
-    const height = ny * h + 58; // room for the title of y
+    const height = rowCount * cellHeight + 58; // room for the title of y
     const svg = TC.svgNode("svg", {
       width,
       height,
       tabindex: 0,
       role: "application",
-      "aria-label": `map of ${TC.symbol(s.q)}; arrow keys move the point`,
+      "aria-label": `map of ${TC.symbol(state.q)}; arrow keys move the point`,
     });
     TC.run.patterns(svg);
-    const at = (i, j) => {
-      const k = s.at.slice();
-      const out = [];
-      for (k[dx] = gx[i][0]; k[dx] < gx[i][1]; k[dx]++)
-        for (k[dy] = gy[j][0]; k[dy] < gy[j][1]; k[dy]++) out.push(TC.run.flat(k));
-      return out;
+    const pointsIn = (column, row) => {
+      const indices = state.at.slice();
+      const points = [];
+      for (
+        indices[xDimension] = xGroups[column][0];
+        indices[xDimension] < xGroups[column][1];
+        indices[xDimension]++
+      )
+        for (
+          indices[yDimension] = yGroups[row][0];
+          indices[yDimension] < yGroups[row][1];
+          indices[yDimension]++
+        )
+          points.push(TC.run.pointAt(indices));
+      return points;
     };
-    for (let i = 0; i < nx; i++)
-      for (let j = 0; j < ny; j++)
+    for (let column = 0; column < columnCount; column++)
+      for (let row = 0; row < rowCount; row++)
         TC.run.cell(
           svg,
-          left + i * w + 0.5,
-          (ny - 1 - j) * h + 0.5,
-          w - 1,
-          h - 1,
-          at(i, j),
+          left + column * cellWidth + 0.5,
+          (rowCount - 1 - row) * cellHeight + 0.5,
+          cellWidth - 1,
+          cellHeight - 1,
+          pointsIn(column, row),
           shade,
           scale,
-          w > 46 && h > 22,
+          cellWidth > 46 && cellHeight > 22,
         );
-    const frame = (k, attrs) =>
+    const frame = (indices, attrs) =>
       svg.append(
         TC.svgNode("rect", {
-          x: left + Math.floor(k[dx] / kx) * w + 1,
-          y: (ny - 1 - Math.floor(k[dy] / ky)) * h + 1,
-          width: w - 2,
-          height: h - 2,
+          x: left + Math.floor(indices[xDimension] / xGroupSize) * cellWidth + 1,
+          y: (rowCount - 1 - Math.floor(indices[yDimension] / yGroupSize)) * cellHeight + 1,
+          width: cellWidth - 2,
+          height: cellHeight - 2,
           fill: "none",
           "pointer-events": "none",
           ...attrs,
         }),
       );
-    frame(s.at, { stroke: "var(--halo)", "stroke-width": 6 });
-    frame(s.at, { stroke: "var(--ink)", "stroke-width": 2.5 });
-    if (s.vs && s.vs.every((v, k) => k === dx || k === dy || v === s.at[k]))
-      frame(s.vs, { stroke: "var(--ink)", "stroke-width": 2.5, "stroke-dasharray": "5 4" });
-    const every = Math.max(
+    frame(state.at, { stroke: "var(--halo)", "stroke-width": 6 });
+    frame(state.at, { stroke: "var(--ink)", "stroke-width": 2.5 });
+    if (
+      state.vs &&
+      state.vs.every(
+        (value, indices) =>
+          indices === xDimension || indices === yDimension || value === state.at[indices],
+      )
+    )
+      frame(state.vs, { stroke: "var(--ink)", "stroke-width": 2.5, "stroke-dasharray": "5 4" });
+    const labelStride = Math.max(
       1,
-      Math.ceil((Math.max(...gx.map(([i]) => TC.axisLabel(ax, i).length)) * 8) / w),
+      Math.ceil(
+        (Math.max(...xGroups.map(([column]) => TC.axisLabel(xAxis, column).length)) * 8) /
+          cellWidth,
+      ),
     );
-    for (let i = 0; i < nx; i += every)
+    for (let column = 0; column < columnCount; column += labelStride)
       svg.append(
         TC.svgNode(
           "text",
-          { x: left + (i + 0.5) * w, y: ny * h + 17, "text-anchor": "middle" },
-          TC.axisLabel(ax, gx[i][0]),
+          {
+            x: left + (column + 0.5) * cellWidth,
+            y: rowCount * cellHeight + 17,
+            "text-anchor": "middle",
+          },
+          TC.axisLabel(xAxis, xGroups[column][0]),
         ),
       );
-    const rows = Math.max(1, Math.ceil(15 / h));
-    for (let j = 0; j < ny; j += rows)
+    const rowStride = Math.max(1, Math.ceil(15 / cellHeight));
+    for (let row = 0; row < rowCount; row += rowStride)
       svg.append(
         TC.svgNode(
           "text",
-          { x: left - 7, y: (ny - j - 0.5) * h + 4, "text-anchor": "end" },
-          TC.axisLabel(ay, gy[j][0]),
+          { x: left - 7, y: (rowCount - row - 0.5) * cellHeight + 4, "text-anchor": "end" },
+          TC.axisLabel(yAxis, yGroups[row][0]),
         ),
       );
     svg.append(
       TC.svgNode(
         "text",
-        { x: left + (nx * w) / 2, y: ny * h + 40, "text-anchor": "middle" },
-        TC.axisTitle(ax),
+        {
+          x: left + (columnCount * cellWidth) / 2,
+          y: rowCount * cellHeight + 40,
+          "text-anchor": "middle",
+        },
+        TC.axisTitle(xAxis),
       ),
       TC.svgNode(
         "text",
         {
           x: 12,
-          y: (ny * h) / 2,
+          y: (rowCount * cellHeight) / 2,
           "text-anchor": "middle",
-          transform: `rotate(-90 12 ${(ny * h) / 2})`,
+          transform: `rotate(-90 12 ${(rowCount * cellHeight) / 2})`,
         },
-        TC.axisTitle(ay),
+        TC.axisTitle(yAxis),
       ),
     );
-    svg.addEventListener("keydown", (e) => {
-      const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[
-        e.key
+    svg.addEventListener("keydown", (event) => {
+      const move = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[
+        event.key
       ];
-      if (!step) return;
-      e.preventDefault();
-      const k = s.at.slice();
-      k[dx] = Math.min(ax.values.length - 1, Math.max(0, k[dx] + kx * step[0]));
-      k[dy] = Math.min(ay.values.length - 1, Math.max(0, k[dy] + ky * step[1]));
-      TC.set({ at: k });
+      if (!move) return;
+      event.preventDefault();
+      const indices = state.at.slice();
+      indices[xDimension] = Math.min(
+        xAxis.values.length - 1,
+        Math.max(0, indices[xDimension] + xGroupSize * move[0]),
+      );
+      indices[yDimension] = Math.min(
+        yAxis.values.length - 1,
+        Math.max(0, indices[yDimension] + yGroupSize * move[1]),
+      );
+      TC.set({ at: indices });
       document.querySelector("#sweep svg[tabindex]")?.focus();
     });
     return svg;
   },
-  scatter(width, ax, ay, shade, scale) {
-    const r = TC.data.run;
-    const s = TC.state;
-    const place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
-    const fx = TC.axisScale(ax).by;
-    const fy = TC.axisScale(ay).by;
-    const xs = Float64Array.from({ length: r.points }, (_, p) => place(ax, p) / fx);
-    const ys = Float64Array.from({ length: r.points }, (_, p) => place(ay, p) / fy);
+  scatter(width, xAxis, yAxis, shade, scale) {
+    const run = TC.data.run;
+    const state = TC.state;
+    const place = (axis, point) =>
+      axis.numeric ? axis.values[point] : axis.values.indexOf(axis.values[point]);
+    const xDivisor = TC.axisScale(xAxis).by;
+    const yDivisor = TC.axisScale(yAxis).by;
+    const xs = Float64Array.from(
+      { length: run.points },
+      (_, point) => place(xAxis, point) / xDivisor,
+    );
+    const ys = Float64Array.from(
+      { length: run.points },
+      (_, point) => place(yAxis, point) / yDivisor,
+    );
     const plot = new TC.Plot({
       width,
       height: 320,
-      x: TC.pad(TC.range(xs), 0.06, ax.log),
-      y: TC.pad(TC.range(ys), 0.06, ay.log),
-      xlog: ax.log,
-      ylog: ay.log,
-      xlabel: TC.axisTitle(ax),
-      ylabel: TC.axisTitle(ay),
+      x: TC.pad(TC.range(xs), 0.06, xAxis.log),
+      y: TC.pad(TC.range(ys), 0.06, yAxis.log),
+      xlog: xAxis.log,
+      ylog: yAxis.log,
+      xlabel: TC.axisTitle(xAxis),
+      ylabel: TC.axisTitle(yAxis),
     });
     TC.run.patterns(plot.svg);
-    if (r.points > TC.run.MOST_MARKS) {
+    if (run.points > TC.run.MAX_MARKS) {
       // squares of 12 pixels instead of single points
       const bins = new Map();
       const size = 12;
-      for (let p = 0; p < r.points; p++) {
-        const key = `${Math.floor(plot.px(xs[p]) / size)} ${Math.floor(plot.py(ys[p]) / size)}`;
-        bins.has(key) ? bins.get(key).push(p) : bins.set(key, [p]);
+      for (let point = 0; point < run.points; point++) {
+        const column = Math.floor(plot.px(xs[point]) / size);
+        const row = Math.floor(plot.py(ys[point]) / size);
+        const key = `${column} ${row}`;
+        bins.has(key) ? bins.get(key).push(point) : bins.set(key, [point]);
       }
       for (const [key, points] of bins) {
-        const [i, j] = key.split(" ").map(Number);
-        TC.run.cell(plot.over, i * size, j * size, size - 1, size - 1, points, shade, scale, false);
-      }
-    } else {
-      const half = r.points > 150 ? 5 : 8; // many points must not hide one another
-      for (let p = 0; p < r.points; p++)
+        const [column, row] = key.split(" ").map(Number);
         TC.run.cell(
           plot.over,
-          plot.px(xs[p]) - half,
-          plot.py(ys[p]) - half,
-          2 * half,
-          2 * half,
-          [p],
+          column * size,
+          row * size,
+          size - 1,
+          size - 1,
+          points,
+          shade,
+          scale,
+          false,
+        );
+      }
+    } else {
+      const halfSize = run.points > 150 ? 5 : 8; // many points must not hide one another
+      for (let point = 0; point < run.points; point++)
+        TC.run.cell(
+          plot.over,
+          plot.px(xs[point]) - halfSize,
+          plot.py(ys[point]) - halfSize,
+          2 * halfSize,
+          2 * halfSize,
+          [point],
           shade,
           scale,
           false,
@@ -577,8 +685,8 @@ TC.run = {
     }
     plot.over.append(
       TC.svgNode("circle", {
-        cx: plot.px(xs[s.at[0]]),
-        cy: plot.py(ys[s.at[0]]),
+        cx: plot.px(xs[state.at[0]]),
+        cy: plot.py(ys[state.at[0]]),
         r: 10,
         fill: "none",
         stroke: "var(--ink)",
@@ -590,40 +698,40 @@ TC.run = {
   },
   bar(width, shade, scale) {
     const svg = TC.svgNode("svg", { width, height: 34, role: "img", "aria-label": "colours" });
-    const n = 60;
+    const count = 60;
     const left = 66;
     if (!(shade.hi > shade.lo)) return svg;
-    for (let i = 0; i < n; i++)
+    for (let index = 0; index < count; index++)
       svg.append(
         TC.svgNode("rect", {
-          x: left + (i * (width - left - 30)) / n,
+          x: left + (index * (width - left - 30)) / count,
           y: 2,
-          width: (width - left - 30) / n + 0.6,
+          width: (width - left - 30) / count + 0.6,
           height: 11,
-          fill: TC.css(TC.colour((i + 0.5) / n)),
+          fill: TC.css(TC.colour((index + 0.5) / count)),
         }),
       );
-    for (const t of [0, 0.5, 1])
+    for (const fraction of [0, 0.5, 1])
       svg.append(
         TC.svgNode(
           "text",
-          { x: left + t * (width - left - 30), y: 28, "text-anchor": "middle" },
-          TC.number((shade.lo + t * (shade.hi - shade.lo)) / scale.by, 3),
+          { x: left + fraction * (width - left - 30), y: 28, "text-anchor": "middle" },
+          TC.number((shade.lo + fraction * (shade.hi - shade.lo)) / scale.by, 3),
         ),
       );
     svg.append(TC.svgNode("text", { x: width - 24, y: 12, class: "soft" }, scale.unit));
     return svg;
   },
   key() {
-    const r = TC.data.run;
-    const s = TC.state;
+    const run = TC.data.run;
+    const state = TC.state;
     const present = new Set();
     let several = false;
-    for (let p = 0; p < r.points; p++) {
-      present.add(TC.run.proof(p, s.level));
-      several = several || TC.run.several(p, s.level);
+    for (let point = 0; point < run.points; point++) {
+      present.add(TC.run.proof(point, state.level));
+      several = several || TC.run.hasSeveral(point, state.level);
     }
-    const box = (fill, look = {}) =>
+    const box = (fill, attributes = {}) =>
       TC.svgNode("rect", {
         x: 1,
         y: 1,
@@ -631,7 +739,7 @@ TC.run = {
         height: 14,
         fill,
         stroke: "var(--soft)",
-        ...look,
+        ...attributes,
       });
     const entry = (shapes, text) =>
       TC.entry(26, 16, shapes, text, "vertical-align:-3px;margin-right:5px");
@@ -646,205 +754,275 @@ TC.run = {
             }),
           ]
         : [box("#9aa"), proof === "unique" ? "" : box(`url(#${proof}-d)`)];
-    const out = TC.legend(
-      ...TC.run.PROOFS.filter((k) => present.has(k))
+    const legend = TC.legend(
+      ...TC.run.PROOFS.filter((proof) => present.has(proof))
         .reverse()
         .map((proof) => entry(shapes(proof), TC.data.proofs[proof])),
     );
     if (several)
-      out.append(
+      legend.append(
         entry(
           [box("#9aa", { stroke: "#d55e00", "stroke-width": 3 })],
           "starts led to different solutions",
         ),
       );
-    return out;
+    return legend;
   },
-  MOST_MARKS: 1500, // on the map and beside it; of more points a picture shows how their values are spread
-  MOST_CURVES: 14,
+  // Marks of single points on the map and beside it; of more points a picture shows ranges.
+  MAX_MARKS: 1500,
+  MAX_CURVES: 14,
   // Least, median and greatest value at every x, or in 120 parts of its range.
-  spread(pts, get) {
-    const xs = new Set(pts.map((o) => o.x));
-    const [lo, hi] = TC.range(xs);
-    const n = 120;
-    const bins = new Map();
-    const place =
-      xs.size <= n
-        ? (x) => x
-        : (x) =>
-            lo + ((Math.min(n - 1, Math.floor(((x - lo) / (hi - lo)) * n)) + 0.5) / n) * (hi - lo);
-    for (const o of pts) {
-      const v = get(o);
-      const x = place(o.x);
-      if (Number.isFinite(v)) bins.has(x) ? bins.get(x).push(v) : bins.set(x, [v]);
+  spread(samples) {
+    const xs = new Set(samples.map((sample) => sample.x));
+    const [low, high] = TC.range(xs);
+    const binCount = 120;
+    const middleOfBin = (x) => {
+      const bin = Math.min(binCount - 1, Math.floor(((x - low) / (high - low)) * binCount));
+      return low + ((bin + 0.5) / binCount) * (high - low);
+    };
+    const valuesAt = new Map();
+    for (const sample of samples) {
+      if (!Number.isFinite(sample.y)) continue;
+      const x = xs.size <= binCount ? sample.x : middleOfBin(sample.x);
+      if (!valuesAt.has(x)) valuesAt.set(x, []);
+      valuesAt.get(x).push(sample.y);
     }
-    return [...bins]
-      .sort((a, b) => a[0] - b[0])
-      .map(([x, v]) => {
-        v.sort((a, b) => a - b);
-        return { x, low: v[0], middle: v[v.length >> 1], high: v[v.length - 1] };
+    return [...valuesAt]
+      .sort((first, second) => first[0] - second[0])
+      .map(([x, values]) => {
+        values.sort((first, second) => first - second);
+        return {
+          x,
+          low: values[0],
+          median: values[values.length >> 1],
+          high: values[values.length - 1],
+        };
       });
+  },
+  // The curves over an axis: samples of points by series, or of the whole sweep in one series.
+  series(xAxis, seriesAxis) {
+    return TC.data.run.grid
+      ? TC.run.gridSeries(xAxis, seriesAxis)
+      : TC.run.listSeries(xAxis, seriesAxis);
+  },
+  gridSeries(xAxis, seriesAxis) {
+    const state = TC.state;
+    const xDimension = TC.run.dimensionOf(xAxis.name);
+    const seriesDimension = seriesAxis ? TC.run.dimensionOf(seriesAxis.name) : -1;
+    const divisor = TC.axisScale(xAxis).by;
+    const seriesCount = seriesAxis ? seriesAxis.values.length : 1;
+    return [...Array(seriesCount).keys()].map((seriesIndex) => {
+      const samples = Array.from(xAxis.values, (value, index) => {
+        const indices = state.at.slice();
+        indices[xDimension] = index;
+        if (seriesAxis) indices[seriesDimension] = seriesIndex;
+        return { point: TC.run.pointAt(indices), x: xAxis.numeric ? value / divisor : index };
+      });
+      return {
+        name: seriesAxis ? TC.axisWords(seriesAxis, seriesIndex) : "",
+        samples,
+        isCurrent: !seriesAxis || seriesIndex === state.at[seriesDimension],
+      };
+    });
+  },
+  listSeries(xAxis, seriesAxis) {
+    const divisor = TC.axisScale(xAxis).by;
+    const groups = new Map();
+    for (let point = 0; point < TC.data.run.points; point++) {
+      const key = seriesAxis ? TC.axisWords(seriesAxis, point) : "";
+      const value = xAxis.values[point];
+      const x = xAxis.numeric ? value / divisor : xAxis.values.indexOf(value);
+      if (!groups.has(key)) groups.set(key, []);
+      groups.get(key).push({ point, x });
+    }
+    return [...groups].map(([name, samples]) => ({
+      name,
+      samples: samples.sort((first, second) => first.x - second.x),
+      isCurrent: samples.some((sample) => sample.point === TC.state.at[0]),
+    }));
   },
   curves(host) {
-    const r = TC.data.run;
-    const s = TC.state;
-    const q = r.numbers[s.q];
-    const width = TC.width(host);
-    if (!s.x) return;
-    const ax = TC.run.axis(s.x);
-    const by = s.by && s.by !== s.x ? TC.run.axis(s.by) : null;
-    const dx = TC.run.dim(s.x);
-    const db = by ? TC.run.dim(by.name) : -1;
-    const series = [];
-    const place = (i) => (ax.numeric ? ax.values[i] / TC.axisScale(ax).by : i);
-    if (r.grid)
-      for (let b = 0; b < (by ? by.values.length : 1); b++) {
-        const pts = [];
-        for (let i = 0; i < ax.values.length; i++) {
-          const at = s.at.slice();
-          at[dx] = i;
-          if (by) at[db] = b;
-          pts.push({ p: TC.run.flat(at), x: place(i) });
-        }
-        series.push({ name: by ? TC.axisWords(by, b) : "", pts, on: !by || b === s.at[db] });
-      }
-    else {
-      const groups = new Map();
-      for (let p = 0; p < r.points; p++) {
-        const key = by ? TC.axisWords(by, p) : "";
-        if (!groups.has(key)) groups.set(key, []);
-        groups.get(key).push({ p, x: ax.numeric ? place(p) : ax.values.indexOf(ax.values[p]) });
-      }
-      for (const [name, pts] of groups)
-        series.push({
-          name,
-          pts: pts.sort((a, b) => a.x - b.x),
-          on: pts.some((o) => o.p === s.at[0]),
-        });
+    const run = TC.data.run;
+    const state = TC.state;
+    if (!state.x) return;
+    const quantity = run.numbers[state.q];
+    const xAxis = TC.run.axis(state.x);
+    const seriesAxis = state.by && state.by !== state.x ? TC.run.axis(state.by) : null;
+    const series = TC.run.series(xAxis, seriesAxis);
+    const samples = series.flatMap((curve) => curve.samples);
+    for (const sample of samples) {
+      const isSolved = TC.run.flag("status", sample.point, state.level) === 1;
+      sample.value = isSolved ? TC.run.value(state.q, sample.point, state.level) : NaN;
     }
-    const every = series.flatMap((g) => g.pts);
-    const get = (o) =>
-      TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN;
-    const scale = TC.scale(every.map(get), q.units);
-    const items = [];
-    const many = series.length > TC.run.MOST_CURVES || every.length > TC.run.MOST_MARKS;
-    const single =
-      every.length > TC.run.MOST_MARKS * TC.run.MOST_CURVES
-        ? []
-        : series.filter((g) => g.on && g.pts.length <= TC.run.MOST_MARKS);
-    if (many) {
-      const parts = TC.run.spread(every, (o) => get(o) / scale.by);
-      const x = parts.map((o) => o.x);
-      items.push(
-        {
-          kind: "fill",
-          x: [...x, ...x.slice().reverse()],
-          y: [...parts.map((o) => o.low), ...parts.map((o) => o.high).reverse()],
-          colour: "var(--soft)",
-          alpha: 0.22,
-        },
-        { kind: "line", x, y: parts.map((o) => o.middle), colour: "var(--soft)", width: 2 },
+    const scale = TC.scale(
+      samples.map((sample) => sample.value),
+      quantity.units,
+    );
+    for (const sample of samples) sample.y = sample.value / scale.by;
+
+    const isCrowded = series.length > TC.run.MAX_CURVES || samples.length > TC.run.MAX_MARKS;
+    let shownCurves = series;
+    if (samples.length > TC.run.MAX_MARKS * TC.run.MAX_CURVES) shownCurves = [];
+    else if (isCrowded)
+      shownCurves = series.filter(
+        (curve) => curve.isCurrent && curve.samples.length <= TC.run.MAX_MARKS,
       );
+    const items = isCrowded ? TC.run.spreadItems(samples) : [];
+    shownCurves.forEach((curve, index) =>
+      items.push(...TC.run.curveItems(curve, TC.series(index), TC.SHAPES[index % 4], xAxis)),
+    );
+    items.push(
+      ...TC.run.ambiguousItems(shownCurves.flatMap((curve) => curve.samples)),
+      ...TC.run.currentItems(samples),
+    );
+
+    const notes = [];
+    if (isCrowded) {
+      const over = seriesAxis ? ` over ${TC.symbol(seriesAxis.name)}` : "";
+      const fixedText = seriesAxis
+        ? `${TC.symbol(seriesAxis.name)} of the point below`
+        : "the other numbers as at the point below";
+      notes.push(`grey: from the least to the greatest value, and the median${over}`);
+      if (shownCurves.length) notes.push(`curve: ${fixedText}`);
+    } else {
+      if (seriesAxis) notes.push(`one curve for each ${TC.symbol(seriesAxis.name)}`);
+      notes.push("filled marks: proved unique");
     }
-    (many ? single : series).forEach((g, k) => {
-      const look = TC.series(k);
-      const at = { x: g.pts.map((o) => o.x), y: g.pts.map((o) => get(o) / scale.by) };
-      if (!ax.drawn)
-        items.push({
-          kind: "line",
-          ...at,
-          colour: look.stroke,
-          dash: look["stroke-dasharray"],
-          width: g.on ? 2.8 : 1.5,
-          alpha: g.on ? 1 : 0.75,
-          label: g.name,
-        });
-      items.push({
-        kind: "marks",
-        ...at,
-        shape: TC.SHAPES[k % 4],
-        r: g.pts.length > 40 ? 2 : 3.6,
-        stroke: look.stroke,
-        fill: (i) => (TC.run.proof(g.pts[i].p, s.level) === "unique" ? look.stroke : "var(--bg)"),
-        tip: (i) =>
-          `${TC.run.words(TC.run.index(g.pts[i].p))}\n${TC.quantity(get(g.pts[i]), q.units)}`,
-        pick: (i) => TC.set({ at: TC.run.index(g.pts[i].p) }),
-      });
-    });
-    const marked = (many ? single : series).flatMap((g) => g.pts);
-    const ambiguous = marked.filter((o) => TC.run.several(o.p, s.level) && Number.isFinite(get(o)));
-    if (ambiguous.length) {
-      items.push({
+    notes.push("ring: the point below");
+    TC.fill(
+      host,
+      TC.h3(`${TC.symbol(state.q)} over ${TC.symbol(xAxis.name)}`),
+      TC.note(notes.join("; ")),
+      TC.part.panel(
+        {
+          labels: [TC.axisTitle(xAxis), TC.withUnit(TC.symbol(state.q), scale)],
+          log: [xAxis.log, false],
+          limits: [null, null],
+          ticks: TC.run.ticks(xAxis),
+          items,
+          high: 330,
+        },
+        TC.width(host),
+      ),
+    );
+  },
+  spreadItems(samples) {
+    const ranges = TC.run.spread(samples);
+    const x = ranges.map((range) => range.x);
+    const low = ranges.map((range) => range.low);
+    const high = ranges.map((range) => range.high);
+    const median = ranges.map((range) => range.median);
+    return [
+      {
+        kind: "fill",
+        x: [...x, ...x.slice().reverse()],
+        y: [...low, ...high.reverse()],
+        colour: "var(--soft)",
+        alpha: 0.22,
+      },
+      { kind: "line", x, y: median, colour: "var(--soft)", width: 2 },
+    ];
+  },
+  // The line and the marks of a curve; points drawn at random have no line.
+  curveItems(curve, look, shape, xAxis) {
+    const samples = curve.samples;
+    const positions = {
+      x: samples.map((sample) => sample.x),
+      y: samples.map((sample) => sample.y),
+    };
+    const units = TC.data.run.numbers[TC.state.q].units;
+    const indicesOf = (index) => TC.run.indicesOf(samples[index].point);
+    const isUnique = (index) => TC.run.proof(samples[index].point, TC.state.level) === "unique";
+    const line = {
+      kind: "line",
+      ...positions,
+      colour: look.stroke,
+      dash: look["stroke-dasharray"],
+      width: curve.isCurrent ? 2.8 : 1.5,
+      alpha: curve.isCurrent ? 1 : 0.75,
+      label: curve.name,
+    };
+    const marks = {
+      kind: "marks",
+      ...positions,
+      shape,
+      r: samples.length > 40 ? 2 : 3.6,
+      stroke: look.stroke,
+      fill: (index) => (isUnique(index) ? look.stroke : "var(--bg)"),
+      tip: (index) =>
+        `${TC.run.words(indicesOf(index))}\n${TC.quantity(samples[index].value, units)}`,
+      pick: (index) => TC.set({ at: indicesOf(index) }),
+    };
+    return xAxis.drawn ? [marks] : [line, marks];
+  },
+  ambiguousItems(samples) {
+    const ambiguous = samples.filter(
+      (sample) => TC.run.hasSeveral(sample.point, TC.state.level) && Number.isFinite(sample.value),
+    );
+    if (!ambiguous.length) return [];
+    return [
+      {
         kind: "line",
-        x: ambiguous.map((o) => o.x),
-        y: ambiguous.map((o) => get(o) / scale.by),
+        x: ambiguous.map((sample) => sample.x),
+        y: ambiguous.map((sample) => sample.y),
         dash: "none",
         mark: "o",
         open: true,
         size: 6,
         colour: "#d55e00",
         label: "starts led to different solutions",
-      });
-    }
-    const mine = every.find((o) => o.p === TC.run.flat(s.at));
-    if (mine)
-      items.push({
+      },
+    ];
+  },
+  // The ring round the point that the page shows.
+  currentItems(samples) {
+    const current = samples.find((sample) => sample.point === TC.run.pointAt(TC.state.at));
+    if (!current) return [];
+    return [
+      {
         kind: "marks",
-        x: [mine.x],
-        y: [get(mine) / scale.by],
+        x: [current.x],
+        y: [current.y],
         shape: "circle",
         r: 8,
         stroke: "var(--ink)",
         fill: () => "none",
-      });
-    const kept = by
-      ? `${TC.symbol(by.name)} of the point below`
-      : "the other numbers as at the point below";
-    const note = many
-      ? `grey: from the least to the greatest value, and the median${by ? ` over ${TC.symbol(by.name)}` : ""}; ${single.length ? `curve: ${kept}; ` : ""}ring: the point below`
-      : `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
-    TC.fill(
-      host,
-      TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`),
-      TC.note(note),
-      TC.part.panel(
-        {
-          labels: [TC.axisTitle(ax), TC.titled(TC.symbol(s.q), scale)],
-          log: [ax.log, false],
-          limits: [null, null],
-          ticks: TC.run.ticks(ax),
-          items,
-          high: 330,
-        },
-        width,
-      ),
-    );
+      },
+    ];
   },
-  MOST_TICKS: 9,
+  MAX_TICKS: 9,
   // Ticks of a swept parameter: its texts, or some of its values where their ratios are equal.
   ticks(axis) {
     const values = [...new Set(axis.values)];
-    if (!axis.numeric) return [values.map((_, i) => i), values];
+    if (!axis.numeric) return [values.map((_, index) => index), values];
     if (!axis.log) return null;
-    const every = Math.ceil(values.length / TC.run.MOST_TICKS);
-    const few = values.filter((_, i) => i % every === 0).map((value) => axis.values.indexOf(value));
-    const { by } = TC.axisScale(axis);
-    return [few.map((i) => axis.values[i] / by), few.map((i) => TC.axisLabel(axis, i))];
+    const stride = Math.ceil(values.length / TC.run.MAX_TICKS);
+    const indices = values
+      .filter((_, index) => index % stride === 0)
+      .map((value) => axis.values.indexOf(value));
+    const { by: divisor } = TC.axisScale(axis);
+    return [
+      indices.map((index) => axis.values[index] / divisor),
+      indices.map((index) => TC.axisLabel(axis, index)),
+    ];
   },
   accuracy(host) {
-    const r = TC.data.run;
-    const s = TC.state;
-    const p = TC.run.flat(s.at);
-    const out = [];
+    const run = TC.data.run;
+    const state = TC.state;
+    const point = TC.run.pointAt(state.at);
+    const parts = [];
     const width = TC.width(host);
-    if (r.nlevels > 1) {
+    if (run.nlevels > 1) {
       // the table of the levels has eight columns, for which half of the width is too little
-      out.push(TC.panel(TC.run.changes(Math.min(width, 760), p)), TC.panel(TC.run.costs(p)));
+      parts.push(
+        TC.panel(TC.run.changes(Math.min(width, 760), point)),
+        TC.panel(TC.run.costs(point)),
+      );
     } else {
-      out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
+      parts.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
     }
-    for (const one of TC.data.solvers || []) out.push(TC.part[one.part](one, width));
-    TC.fill(host, out);
+    for (const part of TC.data.solvers || []) parts.push(TC.part[part.part](part, width));
+    TC.fill(host, parts);
   },
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: [
@@ -855,83 +1033,93 @@ TC.run = {
     "error_estimate",
     "error_bound_relative",
   ],
-  changes(width, p) {
+  changes(width, point) {
     // The longest edge tells a mesh only where every edge is halved.
-    const r = TC.data.run;
-    const own = TC.run.levels(p);
-    const halved = own.h_max.every((x, l) => l === 0 || x < 0.9 * own.h_max[l - 1]);
-    const h = halved ? own.h_max : Array.from(own.n_dof, (n) => 1 / Math.sqrt(n));
-    const scale = TC.scale(h, halved ? r.units.h_max : "1");
+    const run = TC.data.run;
+    const levels = TC.run.levels(point);
+    const halved = levels.h_max.every(
+      (size, level) => level === 0 || size < 0.9 * levels.h_max[level - 1],
+    );
+    const sizes = halved ? levels.h_max : Array.from(levels.n_dof, (count) => 1 / Math.sqrt(count));
+    const scale = TC.scale(sizes, halved ? run.units.h_max : "1");
     const series = [];
-    for (const name of TC.run.CONVERGED.filter((n) => r.numbers[n])) {
-      const v = h.map((_, l) =>
-        TC.run.flag("status", p, l) === 1 ? TC.run.value(name, p, l) : NaN,
+    for (const name of TC.run.CONVERGED.filter((quantity) => run.numbers[quantity])) {
+      const values = sizes.map((_, level) =>
+        TC.run.flag("status", point, level) === 1 ? TC.run.value(name, point, level) : NaN,
       );
-      const last = Math.abs(v[v.length - 1]) || 1;
-      const e = name.startsWith("error_")
-        ? v
-        : v.map((x, l) => (l === 0 ? NaN : Math.abs(x - v[l - 1]) / last));
+      const lastValue = Math.abs(values[values.length - 1]) || 1;
+      const changes = name.startsWith("error_")
+        ? values
+        : values.map((value, level) =>
+            level === 0 ? NaN : Math.abs(value - values[level - 1]) / lastValue,
+          );
       series.push({
         name,
-        xs: h.map((x) => x / scale.by),
-        ys: e.map((x) => (x > TC.run.ROUNDING ? x : NaN)),
-        what: TC.symbol(name),
+        xs: sizes.map((size) => size / scale.by),
+        ys: changes.map((change) => (change > TC.run.ROUNDING ? change : NaN)),
+        title: TC.symbol(name),
       });
     }
-    const known = series.filter((g) => g.ys.some((v) => v > 0));
-    const still = series.filter((g) => !known.includes(g)).map((g) => g.what);
-    if (!known.length)
+    const changing = series.filter((curve) => curve.ys.some((change) => change > 0));
+    const constant = series
+      .filter((curve) => !changing.includes(curve))
+      .map((curve) => curve.title);
+    if (!changing.length)
       return [
         TC.h3("Convergence over the levels"),
         TC.note("The numbers do not change from level to level."),
       ];
     const xs = series[0].xs.slice(1);
-    const hi = Math.max(...xs);
-    const lo = Math.min(...xs);
-    const top = Math.max(...known.flatMap((g) => g.ys.filter((v) => v > 0)));
+    const high = Math.max(...xs);
+    const low = Math.min(...xs);
+    const top = Math.max(...changing.flatMap((curve) => curve.ys.filter((change) => change > 0)));
     const items = [];
     for (const order of [1, 2])
       items.push(
         {
           kind: "line",
-          x: [lo, hi],
-          y: [top * (lo / hi) ** order, top],
+          x: [low, high],
+          y: [top * (low / high) ** order, top],
           colour: "var(--soft)",
           width: 1,
           dash: "3 3",
         },
         {
           kind: "note",
-          x: [lo],
-          y: [top * (lo / hi) ** order],
+          x: [low],
+          y: [top * (low / high) ** order],
           shift: [4, 9],
           text: `order ${order}`,
         },
       );
-    known.forEach((g, k) => {
-      const n = g.ys.length;
-      const look = TC.series(k);
-      const rate =
-        n > 2 && (halved || g.name.startsWith("error_"))
-          ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1])
-          : NaN;
+    const orderText = (curve) => {
+      const last = curve.ys.length - 1;
+      if (last < 2 || !(halved || curve.name.startsWith("error_"))) return "";
+      const order =
+        Math.log(curve.ys[last - 1] / curve.ys[last]) /
+        Math.log(curve.xs[last - 1] / curve.xs[last]);
+      if (!Number.isFinite(order)) return "";
+      return `: last order ${order.toFixed(1).replace("-", "−")}?`;
+    };
+    changing.forEach((curve, curveIndex) => {
+      const seriesLook = TC.series(curveIndex);
       items.push({
         kind: "line",
-        x: g.xs,
-        y: g.ys,
-        colour: look.stroke,
-        dash: look["stroke-dasharray"],
+        x: curve.xs,
+        y: curve.ys,
+        colour: seriesLook.stroke,
+        dash: seriesLook["stroke-dasharray"],
         width: 2,
-        mark: "os^D"[k % 4],
+        mark: "os^D"[curveIndex % 4],
         size: 4,
-        label: `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}?` : ""}`,
+        label: curve.title + orderText(curve),
       });
     });
     const panel = TC.part.panel(
       {
         title: "Convergence over the levels, of this point",
         labels: [
-          halved ? TC.titled("longest edge h", scale) : "1/√unknowns",
+          halved ? TC.withUnit("longest edge h", scale) : "1/√unknowns",
           "relative change from the level before",
         ],
         log: [true, true],
@@ -943,9 +1131,11 @@ TC.run = {
     );
     return [
       panel,
-      still.length ? TC.note(`${still.join(", ")}: does not change`) : null,
+      constant.length ? TC.note(`${constant.join(", ")}: does not change`) : null,
       TC.note(
-        "Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, up to 2 for energy and slip without singular corners. ?: a guess from two steps. The orders to expect at every corner: tcstudy converge.",
+        "Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, " +
+          "up to 2 for energy and slip without singular corners. ?: a guess from two steps. " +
+          "The orders to expect at every corner: tcstudy converge.",
       ),
     ];
   },
@@ -956,24 +1146,24 @@ TC.run = {
     ["time_solve", "contact, all points"],
   ],
   // Sizes of the levels, of the geometry of the point, and their wall times of the whole sweep.
-  costs(p) {
-    const r = TC.data.run;
-    const own = TC.run.levels(p);
-    const all = [...Array(r.points).keys()];
-    const sum = (name, l) =>
-      r.levels[name]
-        ? r.levels[name][l]
-        : all.reduce((t, k) => t + (TC.run.value(name, k, l) || 0), 0);
-    const rows = own.h_max.map((h, l) => [
-      l,
-      TC.quantity(h, r.units.h_max, 3),
-      own.n_dof[l],
-      own.n_contact[l],
-      ...TC.run.STAGES.map(([name]) => TC.quantity(sum(name, l), "s", 2)),
+  costs(point) {
+    const run = TC.data.run;
+    const levels = TC.run.levels(point);
+    const points = [...Array(run.points).keys()];
+    const sum = (name, level) =>
+      run.levels[name]
+        ? run.levels[name][level]
+        : points.reduce((total, point) => total + (TC.run.value(name, point, level) || 0), 0);
+    const rows = levels.h_max.map((size, level) => [
+      level,
+      TC.quantity(size, run.units.h_max, 3),
+      levels.n_dof[level],
+      levels.n_contact[level],
+      ...TC.run.STAGES.map(([name]) => TC.quantity(sum(name, level), "s", 2)),
     ]);
     return [
       TC.h3("Levels, and their wall time in the whole sweep"),
-      TC.wide(
+      TC.wideTable(
         [
           "level",
           "longest edge",
@@ -985,67 +1175,71 @@ TC.run = {
       ),
     ];
   },
+  NOT_TABLED: RegExp(
+    "^(time_condense|lambda_1|omega|evaluations|heat_balance|inclusion_rounding|.*_error)",
+  ),
   rows(host) {
     // a long table is made again only where its numbers or its order change
     const key = `${TC.state.level} ${TC.state.sort} ${TC.state.down}`;
-    const here = TC.run.flat(TC.state.at);
+    const currentPoint = TC.run.pointAt(TC.state.at);
     if (host.dataset.key === key && host.firstChild) {
       host.querySelector("tr.chosen")?.classList.remove("chosen");
-      host.querySelector(`tr[data-row="${here}"]`)?.classList.add("chosen");
+      host.querySelector(`tr[data-row="${currentPoint}"]`)?.classList.add("chosen");
       return;
     }
     host.dataset.key = key;
-    const r = TC.data.run;
-    const s = TC.state;
-    const level = s.level;
-    const points = [...Array(r.points).keys()];
+    const run = TC.data.run;
+    const state = TC.state;
+    const level = state.level;
+    const points = [...Array(run.points).keys()];
     const columns = [];
-    for (const a of r.axes) {
-      const d = TC.run.dim(a.name);
+    for (const axis of run.axes) {
+      const dimension = TC.run.dimensionOf(axis.name);
       columns.push({
-        title: TC.axisTitle(a),
-        csv: a.name + (a.units !== "1" ? ` [${a.units}]` : ""),
-        left: !a.numeric,
-        get: (p) => a.values[TC.run.index(p)[d]],
-        text: (p) => TC.axisLabel(a, TC.run.index(p)[d]),
+        title: TC.axisTitle(axis),
+        csv: axis.name + (axis.units !== "1" ? ` [${axis.units}]` : ""),
+        left: !axis.numeric,
+        get: (point) => axis.values[TC.run.indicesOf(point)[dimension]],
+        text: (point) => TC.axisLabel(axis, TC.run.indicesOf(point)[dimension]),
       });
     }
-    for (const name of Object.keys(r.numbers).filter(
-      (n) =>
-        !/^(time_condense|lambda_1|omega|evaluations|heat_balance|inclusion_rounding|.*_error)/.test(
-          n,
-        ),
-    )) {
-      const n = r.numbers[name];
+    for (const name of Object.keys(run.numbers)) {
+      if (TC.run.NOT_TABLED.test(name)) continue;
+      const quantity = run.numbers[name];
       const scale = TC.scale(
-        points.map((p) => n.v[p * r.nlevels + level]),
-        n.units,
+        points.map((point) => quantity.v[point * run.nlevels + level]),
+        quantity.units,
       );
       columns.push({
-        title: TC.titled(TC.symbol(name), scale),
-        csv: name + (n.units !== "1" ? ` [${n.units}]` : ""),
-        get: (p) => n.v[p * r.nlevels + level],
-        text: (p) => TC.number(n.v[p * r.nlevels + level] / scale.by),
+        title: TC.withUnit(TC.symbol(name), scale),
+        csv: name + (quantity.units !== "1" ? ` [${quantity.units}]` : ""),
+        get: (point) => quantity.v[point * run.nlevels + level],
+        text: (point) => TC.number(quantity.v[point * run.nlevels + level] / scale.by),
       });
     }
-    const words = (title, get) => columns.push({ title, left: true, get, text: get });
-    const reason = (p) => r.reasons[r.reason[p * r.nlevels + level]];
-    words("certified", (p) => TC.run.proof(p, level));
-    words("status", (p) => r.statuses[TC.run.flag("status", p, level)]);
-    if (points.some(reason)) words("reason", reason);
-    columns.forEach((c, k) => {
-      c.minor = k > 6;
-    }); // more do not fit on paper
-    const t = TC.table({
+    const addWords = (title, get) => columns.push({ title, left: true, get, text: get });
+    const reason = (point) => run.reasons[run.reason[point * run.nlevels + level]];
+    addWords("certified", (point) => TC.run.proof(point, level));
+    addWords("status", (point) => run.statuses[TC.run.flag("status", point, level)]);
+    if (points.some(reason)) addWords("reason", reason);
+    columns.forEach((column, index) => {
+      column.minor = index > 6; // more do not fit on paper
+    });
+    const table = TC.table({
       columns,
       rows: points,
       ...TC.sorting(),
-      chosen: (p) => p === TC.run.flat(s.at),
-      pick: (p) => TC.set({ at: TC.run.index(p) }),
+      chosen: (point) => point === TC.run.pointAt(state.at),
+      pick: (point) => TC.set({ at: TC.run.indicesOf(point) }),
     });
-    const csv = () => TC.saveTable(`${TC.fileName()}-level${level}.csv`, columns, t.order);
+    const csv = () => TC.saveTable(`${TC.fileName()}-level${level}.csv`, columns, table.order);
     const scroll = host.querySelector(".scroll")?.scrollTop || 0;
-    const box = TC.el("div", { class: "scroll" }, t.node);
+    const box = TC.el("div", { class: "scroll" }, table.node);
+    const countText =
+      run.points > TC.MAX_ROWS
+        ? `the first ${TC.MAX_ROWS} in this order of ${run.points}`
+        : String(run.points);
+    const levelText = run.nlevels > 1 ? ` on level ${level}` : "";
     TC.fill(
       host,
       TC.el(
@@ -1055,7 +1249,7 @@ TC.run = {
         TC.el(
           "span",
           { class: "note" },
-          `${r.points > TC.MOST_ROWS ? `the first ${TC.MOST_ROWS} in this order of ` : ""}${r.points} points${r.nlevels > 1 ? ` on level ${level}` : ""}; a click on a row shows the point`,
+          `${countText} points${levelText}; a click on a row shows the point`,
         ),
       ),
       box,

@@ -1,156 +1,165 @@
-// Contact problems with one solution (ω < λ₁), solved in the page: their L̃ is strictly convex, so that whatever descends
-// to a point which meets the inclusion has found it.
+// Contact problems with one solution (ω < λ₁), solved in the page. Their L̃ is strictly convex:
+// a descent that ends where the inclusion holds has found the solution.
 TC.Problem = class {
   // A: Float64Array of m×m by rows; load, c: Float64Array of m; law: TC.Law.
   constructor(A, load, c, law) {
     Object.assign(this, { A, load, c, law, m: c.length });
-    let most = 0;
-    for (let i = 0; i < this.m; i++) most = Math.max(most, Math.abs(load[i] / c[i]));
-    this.scale = law.scale > 0 ? law.scale : Math.max(most, Math.abs(law.b(0, 1)));
+    let largestLoad = 0;
+    for (let i = 0; i < this.m; i++) largestLoad = Math.max(largestLoad, Math.abs(load[i] / c[i]));
+    this.scale = law.scale > 0 ? law.scale : Math.max(largestLoad, Math.abs(law.b(0, 1)));
   }
   times(v) {
     const { A, m } = this;
-    const out = new Float64Array(m);
+    const product = new Float64Array(m);
     for (let i = 0; i < m; i++) {
-      let t = 0;
+      let sum = 0;
       const row = i * m;
-      for (let j = 0; j < m; j++) t += A[row + j] * v[j];
-      out[i] = t;
+      for (let j = 0; j < m; j++) sum += A[row + j] * v[j];
+      product[i] = sum;
     }
-    return out;
+    return product;
   }
   xi(v) {
-    const out = this.times(v);
-    for (let i = 0; i < this.m; i++) out[i] = this.load[i] - out[i];
-    return out;
+    const traction = this.times(v);
+    for (let i = 0; i < this.m; i++) traction[i] = this.load[i] - traction[i];
+    return traction;
   }
 };
 
-// Solution of a positive definite system, given by the lower rows of M, which are used up; null if it is none.
-TC.positive = function (M, n, rhs) {
+// Solution of a positive definite system, given by the lower rows of M, which are overwritten.
+// It is null if M is not positive definite.
+TC.solvePositiveDefinite = function (M, size, rhs) {
   const x = Float64Array.from(rhs);
-  for (let k = 0; k < n; k++) {
-    const d = M[k * n + k];
-    if (!(d > 0)) return null;
-    for (let i = k + 1; i < n; i++) {
-      const f = M[i * n + k] / d;
-      x[i] -= f * x[k];
-      for (let j = k + 1; j <= i; j++) M[i * n + j] -= f * M[j * n + k];
+  for (let k = 0; k < size; k++) {
+    const pivot = M[k * size + k];
+    if (!(pivot > 0)) return null;
+    for (let i = k + 1; i < size; i++) {
+      const factor = M[i * size + k] / pivot;
+      x[i] -= factor * x[k];
+      for (let j = k + 1; j <= i; j++) M[i * size + j] -= factor * M[j * size + k];
     }
   }
-  for (let i = n - 1; i >= 0; i--) {
-    for (let j = i + 1; j < n; j++) x[i] -= M[j * n + i] * x[j];
-    x[i] /= M[i * n + i];
+  for (let i = size - 1; i >= 0; i--) {
+    for (let j = i + 1; j < size; j++) x[i] -= M[j * size + i] * x[j];
+    x[i] /= M[i * size + i];
   }
   return x;
 };
 
-// {v, xi, residual, converged, iterations, rests}: Newton's method on the pieces that nodes are on, those at rest on an up-jump
-// held, along a path that ends for a node at the first up-jump; node by node, which always descends, where that does not help.
-TC.solve = function (problem, { tolerance = 1e-12, most = 200 } = {}) {
+// {v, xi, residual, converged, iterations, rests} of a problem. A step is one of Newton's method on
+// the pieces where the nodes are; nodes that stick on an up-jump stay, and a node moves as far as
+// its next up-jump. Where that does not reduce the residual, the nodes move one by one, which
+// always descends.
+TC.solve = function (problem, { tolerance = 1e-12, most: maxIterations = 200 } = {}) {
   const { m, A, c, law } = problem;
-  // One-sided derivatives of L̃ by every node, that of them which descends (0: it rests), and the largest distance of ξ from b̂
-  // over the scale of b, which makes a solution.
-  const state = (v) => {
+  // One-sided derivatives of L̃ by every node, the descending one of them (0: the node sticks), and
+  // the residual: the largest distance of ξ from b̂ over the scale of b.
+  const evaluate = (v) => {
     const xi = problem.xi(v);
-    const left = new Float64Array(m);
-    const right = new Float64Array(m);
-    const down = new Float64Array(m);
-    let worst = 0;
+    const leftDerivative = new Float64Array(m);
+    const rightDerivative = new Float64Array(m);
+    const descent = new Float64Array(m);
+    let largestDescent = 0;
     for (let i = 0; i < m; i++) {
-      left[i] = c[i] * law.b(v[i], -1) - xi[i];
-      right[i] = c[i] * law.b(v[i], 1) - xi[i];
-      down[i] = right[i] < 0 ? right[i] : left[i] > 0 ? left[i] : 0;
-      worst = Math.max(worst, Math.abs(down[i]) / c[i]);
+      leftDerivative[i] = c[i] * law.b(v[i], -1) - xi[i];
+      rightDerivative[i] = c[i] * law.b(v[i], 1) - xi[i];
+      descent[i] =
+        rightDerivative[i] < 0 ? rightDerivative[i] : leftDerivative[i] > 0 ? leftDerivative[i] : 0;
+      largestDescent = Math.max(largestDescent, Math.abs(descent[i]) / c[i]);
     }
-    return { v, xi, left, right, down, residual: worst === 0 ? 0 : worst / problem.scale };
+    return {
+      v,
+      xi,
+      left: leftDerivative,
+      right: rightDerivative,
+      down: descent,
+      residual: largestDescent === 0 ? 0 : largestDescent / problem.scale,
+    };
   };
-  const newton = (s) => {
-    const free = [...Array(m).keys()].filter((i) => s.down[i] !== 0 || !law.onJump(s.v[i]));
-    const n = free.length;
-    const M = new Float64Array(n * n);
-    const d = new Float64Array(m);
-    free.forEach((i, k) => {
-      for (let j = 0; j < k; j++) M[k * n + j] = A[i * m + free[j]];
-      M[k * n + k] =
-        A[i * m + i] + c[i] * law.slope(s.v[i], law.piece(s.v[i], s.down[i] <= 0 ? 1 : -1));
+  const newtonStep = (current) => {
+    const free = [...Array(m).keys()].filter(
+      (i) => current.down[i] !== 0 || !law.onJump(current.v[i]),
+    );
+    const size = free.length;
+    const matrix = new Float64Array(size * size);
+    const direction = new Float64Array(m);
+    free.forEach((i, row) => {
+      for (let j = 0; j < row; j++) matrix[row * size + j] = A[i * m + free[j]];
+      matrix[row * size + row] =
+        A[i * m + i] +
+        c[i] * law.slope(current.v[i], law.piece(current.v[i], current.down[i] <= 0 ? 1 : -1));
     });
-    const step = TC.positive(
-      M,
-      n,
-      free.map((i) => -s.down[i]),
+    const step = TC.solvePositiveDefinite(
+      matrix,
+      size,
+      free.map((i) => -current.down[i]),
     );
     if (!step) return null;
-    step.forEach((x, k) => {
-      d[free[k]] = x;
+    step.forEach((change, row) => {
+      direction[free[row]] = change;
     });
     for (let i = 0; i < m; i++)
-      if (law.onJump(s.v[i]) && (d[i] > 0 ? s.right[i] : -s.left[i]) > 0) d[i] = 0;
+      if (law.onJump(current.v[i]) && (direction[i] > 0 ? current.right[i] : -current.left[i]) > 0)
+        direction[i] = 0;
     const target = (length) =>
-      s.v.map((x, i) =>
-        d[i] > 0
-          ? Math.min(x + length * d[i], law.nextUp(x, 1))
-          : d[i] < 0
-            ? Math.max(x + length * d[i], law.nextUp(x, -1))
-            : x,
+      current.v.map((change, i) =>
+        direction[i] > 0
+          ? Math.min(change + length * direction[i], law.nextUp(change, 1))
+          : direction[i] < 0
+            ? Math.max(change + length * direction[i], law.nextUp(change, -1))
+            : change,
       );
-    for (let h = 0; h <= 6; h++) {
-      const next = state(target(0.5 ** h));
-      if (next.residual < 0.9 * s.residual) return next;
+    for (let halving = 0; halving <= 6; halving++) {
+      const next = evaluate(target(0.5 ** halving));
+      if (next.residual < 0.9 * current.residual) return next;
     }
     return null;
   };
-  // Every node in turn to where its own energy is least, the others held.
-  const nodes = (s) => {
-    const v = Float64Array.from(s.v);
-    const xi = Float64Array.from(s.xi);
+  // Moves every node in turn to the minimum of L̃ over it, the others held.
+  const relaxNodes = (current) => {
+    const v = Float64Array.from(current.v);
+    const xi = Float64Array.from(current.xi);
     for (let i = 0; i < m; i++) {
-      const to = TC.leastOfNode(law, v[i], xi[i] / c[i], A[i * m + i] / c[i]);
-      const move = to - v[i];
+      const slip = TC.minimiseAtNode(law, v[i], xi[i] / c[i], A[i * m + i] / c[i]);
+      const move = slip - v[i];
       if (move !== 0) for (let j = 0; j < m; j++) xi[j] -= A[i * m + j] * move;
-      v[i] = to;
+      v[i] = slip;
     }
-    return state(v);
+    return evaluate(v);
   };
-  let s = state(new Float64Array(m));
+  let current = evaluate(new Float64Array(m));
   let iterations = 0;
-  for (; iterations < most && s.residual > tolerance; iterations++) s = newton(s) || nodes(s);
+  for (; iterations < maxIterations && current.residual > tolerance; iterations++)
+    current = newtonStep(current) || relaxNodes(current);
   return {
-    v: s.v,
-    xi: s.xi,
-    residual: s.residual,
-    converged: s.residual <= 1e-10,
+    v: current.v,
+    xi: current.xi,
+    residual: current.residual,
+    converged: current.residual <= 1e-10,
     iterations,
-    rests: [...Array(m).keys()].map((i) => law.onJump(s.v[i]) && s.down[i] === 0),
+    rests: [...Array(m).keys()].map((i) => law.onJump(current.v[i]) && current.down[i] === 0),
   };
 };
-// Where b(s) + stiffness (s − s0) − traction passes 0, seen downhill from s0.
-TC.leastOfNode = function (law, s0, traction, stiffness) {
-  const slope = (s, k) => law.value(s, k) + stiffness * (s - s0) - traction;
-  const left = slope(s0, law.piece(s0, -1));
-  const right = slope(s0, law.piece(s0, 1));
-  if (Math.max(-right, left) <= 0) return s0;
-  const sign = -right >= left ? 1 : -1;
-  for (let k = law.piece(s0, sign), s = s0; ; k += sign) {
-    const end =
-      sign > 0
-        ? k < law.kinks.length
-          ? law.kinks[k]
-          : Infinity
-        : k > 0
-          ? law.kinks[k - 1]
-          : -Infinity;
-    const far = Number.isFinite(end) ? law.slope(end, k) : law.q[k];
-    for (let i = 0; i < (law.a[k] === 0 ? 1 : 8); i++) {
-      const bound = stiffness + Math.max(law.slope(s, k), far);
-      const downhill = -sign * slope(s, k);
+// The slip where b(s) + stiffness (s − start) − traction passes 0, downhill from start.
+TC.minimiseAtNode = function (law, start, traction, stiffness) {
+  const slope = (slip, piece) => law.value(slip, piece) + stiffness * (slip - start) - traction;
+  const leftSlope = slope(start, law.piece(start, -1));
+  const rightSlope = slope(start, law.piece(start, 1));
+  if (Math.max(-rightSlope, leftSlope) <= 0) return start;
+  const direction = -rightSlope >= leftSlope ? 1 : -1;
+  for (let k = law.piece(start, direction), slip = start; ; k += direction) {
+    const pieceEnd = direction > 0 ? (law.kinks[k] ?? Infinity) : (law.kinks[k - 1] ?? -Infinity);
+    const endSlope = Number.isFinite(pieceEnd) ? law.slope(pieceEnd, k) : law.q[k];
+    for (let iteration = 0; iteration < (law.a[k] === 0 ? 1 : 8); iteration++) {
+      const bound = stiffness + Math.max(law.slope(slip, k), endSlope);
+      const downhill = -direction * slope(slip, k);
       if (downhill <= 0) break;
-      if (bound <= 0 || Math.abs(end - s) * bound <= downhill) {
-        s = end;
+      if (bound <= 0 || Math.abs(pieceEnd - slip) * bound <= downhill) {
+        slip = pieceEnd;
         break;
       }
-      s += (sign * downhill) / bound;
+      slip += (direction * downhill) / bound;
     }
-    if (s !== end || sign * slope(s, k + sign) >= 0) return s;
+    if (slip !== pieceEnd || direction * slope(slip, k + direction) >= 0) return slip;
   }
 };
