@@ -96,38 +96,88 @@ class ErrorBounds:
     def __post_init__(self) -> None:
         self._heat = HeatBounds(self.level.mesh)
 
-    def look(self, scene: Scene, v: Array) -> dict[str, float]:
-        """Return the stored variables of the bound for a solution v (m,), NaN without a proof."""
-        level, mesh = self.level, self.level.mesh
+    def look(self, scene: Scene, v: Array, with_slips: bool = False) -> dict[str, float]:
+        """Return the stored variables of the bound for a solution v (m,), NaN without a proof.
+
+        with_slips: whether the errors of slips and of the friction resultant are bounded as well
+        """
+        names = ["error_bound", "error_bound_relative"]
+        names += ["slip_bound", "friction_bound"] if with_slips else []
         if why_no_bound(scene):
-            return {"error_bound": float("nan"), "error_bound_relative": float("nan")}
-        line, law, low = level.line, self.law(scene), level.band(scene).low
-        u = level.displacement(scene, v).reshape(2, -1).T
-        eta, xi = self.equilibrated(scene, law, u)
-        eta += self.thermal_part(scene) + self._load(scene).oscillation
-        along = (line.ends[:, 1] - line.ends[:, 0]) / line.lengths[:, None]
-        slip = np.einsum("sed,sd->se", u[line.segments], along)
-        starts = [0.0, law.omega] if law.omega < low else [0.0]
+            return dict.fromkeys(names, float("nan"))
+        u = self.level.displacement(scene, v).reshape(2, -1).T
+        residual, xi = self.equilibrated(scene, self.law(scene), u)
+        eta = residual + self.thermal_part(scene) + self._load(scene).oscillation
+        bound = self._bound(scene, u, eta, xi)
+        least_norm = self._norm(scene, u) - bound
+        relative = bound / least_norm if least_norm > 0.0 else float("nan")
+        values = [bound, relative]
+        if with_slips:
+            values.append(bound * self._slip_factor(scene))
+            values.append(self._friction_bound(scene, v, bound + eta, xi))
+        return dict(zip(names, values, strict=True))
+
+    def _bound(self, scene: Scene, u: Array, eta: float, xi: Array) -> float:
+        """Return the least bound of ‖u − u_h‖ over the weights w.
+
+        u: (n, 2) u_h;  xi: (s, 2) ξ* at the ends of the segments of Γ_C
+        """
+        line, low = self.level.line, self.level.band(scene).low
+        omega = self.law(scene).omega
+        starts = [0.0, omega] if omega < low else [0.0]
         w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
         law, polygon_error = self._polygon(self.unscaled_law(scene))
         strengths = self._strengths(scene)
         if strengths is not None:
             polygon_error *= float(strengths.max())
         slack = POLYGON_SHARE * low if polygon_error > 0.0 else 0.0
-        M = consistency(law, line.lengths, xi, slip, w, strengths)
+        M = consistency(law, line.lengths, xi, self._slip(u), w, strengths)
         k = 1.0 - (w + slack) / low
         M, k = M[k > 0.0], k[k > 0.0]
         if slack:
             M = M + polygon_error**2 * line.lengths.sum() / (4.0 * slack)
-        bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
+        return float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
+
+    def _slip(self, u: Array) -> Array:
+        """Return u_hT (s, 2) at the ends of the segments of Γ_C."""
+        line = self.level.line
+        along = (line.ends[:, 1] - line.ends[:, 0]) / line.lengths[:, None]
+        return np.einsum("sed,sd->se", u[line.segments], along)
+
+    def _norm(self, scene: Scene, u: Array) -> float:
+        """Return a lower bound of ‖u_h‖: the energy of springs is left out."""
+        mesh = self.level.mesh
         strain = own_strain(mesh, u.T.ravel())
         stress = stress_of(strain, mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu"))
         energy_density = (stress * strain * [1.0, 1.0, 2.0]).sum(axis=1)
-        # a lower bound of ‖u_h‖, since the energy of springs is left out, and then of ‖u‖
-        norm = float(np.sqrt(mesh.area @ energy_density))
-        least_norm = norm - bound
-        relative = bound / least_norm if least_norm > 0.0 else float("nan")
-        return {"error_bound": bound, "error_bound_relative": relative}
+        return float(np.sqrt(mesh.area @ energy_density))
+
+    def _slip_factor(self, scene: Scene) -> float:
+        """Return the largest κ_e: the mean slip of a segment is known to ±κ_e‖u − u_h‖ [m/√(J/m)].
+
+        κ²_e = φᵀÂ⁻¹φ with φ = (½, ½) at the Gauss points of the segment: the equilibrium stress Z of a
+        unit traction there has ∫(u − u_h)_T = ∫Z : ε(u − u_h).
+        """
+        dual, factor = self.level.dual(scene)
+        inverse = np.linalg.inv(dual.condensation.A_tilde)
+        pairs = inverse.reshape(len(inverse) // 2, 2, len(inverse) // 2, 2)
+        compliance = 0.25 * np.einsum("sisj->s", pairs)
+        return float(np.sqrt(compliance.max() / factor))
+
+    def _friction_bound(self, scene: Scene, v: Array, distance: float, xi: Array) -> float:
+        """Return a bound of |∫ξ − ∫ξ_h| over Γ_C [N/m]; NaN where an end of Γ_C is held.
+
+        |∫(ξ − ξ*)φ_T| ≤ (‖u − u_h‖ + η)‖φ‖ for φ in P1 with φ_T = 1 on Γ_C
+        distance: ‖u − u_h‖ + η
+        """
+        level, line = self.level, self.level.line
+        segments, _ = line.held
+        if len(segments):
+            return float("nan")
+        problem = level.condensed(scene).problem
+        norm = float(np.sqrt(problem.A_tilde.sum()))
+        resultant = float(line.lengths @ xi.mean(axis=1))
+        return distance * norm + abs(resultant - float(problem.xi(v).sum()))
 
     def thermal_part(self, scene: Scene) -> float:
         """Return T ≥ ‖θ − θ_h‖_ρ of the temperature (heat_bound.py) [√(J/m)]."""

@@ -305,3 +305,33 @@ def test_a_law_with_one_kink_beside_an_exponential_one_has_a_bound(tmp_path: Pat
     (tmp_path / "s.yaml").write_text(TWO_LAWS)
     data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset()
     assert np.isfinite(data["error_bound"].values).all()
+
+
+@pytest.mark.parametrize("seed", [2, 7])
+def test_slips_and_the_friction_resultant_lie_within_their_bounds(seed: int) -> None:
+    """Mean slips of the segments and ∫ξ, against the mesh refined thrice."""
+    study = study_of(loaded_scene_of(seed)[0], "mesh.levels=4")
+    scene, levels = study.scenes[0], levels_of(study)
+    coarse, fine = levels[0], levels[-1]
+    problems = [level.condensed(scene).problem for level in (coarse, fine)]
+    slips = [solve_contact(problem).v for problem in problems]
+    bounds = ErrorBounds(coarse).look(scene, slips[0], with_slips=True)
+    force, fine_force = (
+        float(problem.xi(v).sum()) for problem, v in zip(problems, slips, strict=True)
+    )
+    assert 0.0 < abs(force - fine_force) <= bounds["friction_bound"]
+
+    def slip_integral(level: Level, v: Array) -> tuple[Array, Array]:
+        """The ends of the segments along the bottom, and ∫u_T up to them."""
+        line = level.line
+        u = level.displacement(scene, v).reshape(2, -1).T
+        x = line.ends[:, :, 0]
+        order = np.argsort(x.min(axis=1))
+        steps = (line.lengths * ErrorBounds(level)._slip(u).mean(axis=1))[order]
+        ends = np.concatenate([x.min(axis=1)[order], [x.max()]])
+        return ends, np.concatenate([[0.0], np.cumsum(steps)])
+
+    ends, integral = slip_integral(coarse, slips[0])
+    fine_integral = np.interp(ends, *slip_integral(fine, slips[1]))
+    errors = np.abs(np.diff(integral - fine_integral) / np.diff(ends))
+    assert 0.0 < errors.max() <= bounds["slip_bound"]
