@@ -1,32 +1,36 @@
-"""The memories of a contact line: from the state of every node to the law of its next step, and a
-step's energies.
+"""Memories of a contact line: the law of the next step from the state of every node, and energies.
 
-Each law is the derivative of min over the new internal variable of stored + dissipated energy: one
-step of backward Euler is one contact problem (`Memory` in scene/histories.py has the laws). With w
-= v − a, a the last or the plastic slip, and the load l̃ − Ãa, friction without softening is one law
-at all steps, and w has more digits than v.
+Each law is the derivative of min over the new internal variable of stored + dissipated energy. One
+step of backward Euler is one contact problem (`Memory` in scene/histories.py has the laws). With
+w = v − a, a the last or the plastic slip, and the load l̃ − Ãa, friction without softening is one
+law at all steps, and w has more digits than v.
 
 friction:        j = T(κ + |w|) − T(κ), T = ∫τ; nothing is stored
-elastic-plastic: j = ½ k (|w| − Δp)² + T(κ + Δp) − T(κ) with k (|w| − Δp) = τ(κ + Δp) or Δp = 0; where τ has the slope
-                 q the law rises or falls by k q/(k + q)
-damage:          j = ½ τ(κ) s²/κ, beyond κ ½ τ(κ) κ + T(|s|) − T(κ); dissipated R = T(κ) − ½ τ(κ) κ. Where the law
-                 rises straight from 0 nothing is damaged: κ counts from the end of that elastic
-                 branch on
+elastic-plastic: j = ½ k (|w| − Δp)² + T(κ + Δp) − T(κ) with k (|w| − Δp) = τ(κ + Δp) or Δp = 0;
+                 where τ has the slope q the law has the slope k q/(k + q)
+damage:          j = ½ τ(κ) s²/κ, beyond κ ½ τ(κ) κ + T(|s|) − T(κ); dissipated
+                 R = T(κ) − ½ τ(κ) κ. An initial elastic branch damages nothing: κ counts from its
+                 end on
 Literature: scene/histories.py; energies: Freddi & Riva, Math. Eng. 7 (2025) 406.
 
-Step n:     0 ∈ Ãvⁿ − l̃ⁿ + ∂Σ c_i j_iⁿ(v_i), ξⁿ = l̃ⁿ − Ãvⁿ, ξ_iⁿ/c_i ∈ b̂_iⁿ(v_iⁿ), the laws as above
+Step n:     0 ∈ Ãvⁿ − l̃ⁿ + ∂Σ c_i j_iⁿ(v_i), ξⁿ = l̃ⁿ − Ãvⁿ, ξ_iⁿ/c_i ∈ b̂_iⁿ(v_iⁿ), the laws as
+            above
 Energies:   E = ½ vᵀÃv − l̃ᵀv of the body, B = Σ c stored in bonds, D = Σ c dissipated in the step
 Identity:   ΔE + ½ (vⁿ + vⁿ⁻¹)ᵀΔl̃ = −½ (ξⁿ + ξⁿ⁻¹)ᵀΔv, to rounding, whatever the law
-Closure:    ½ (ξⁿ + ξⁿ⁻¹)ᵀΔv − ΔB − D, what a step misses by being finite; it falls like its square
-So ΔE + ΔB + D + closure + released = work, work = −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, sums over the parts of a step where it has any.
-Two-sided estimate: −Δl̃ᵀvⁿ ≤ ΔE + ΔB + D ≤ −Δl̃ᵀvⁿ⁻¹, the upper bound for every descent from vⁿ⁻¹, the lower one
-where vⁿ⁻¹ was a global minimum. Literature: Mielke, Evolution of rate-independent systems (2005), §5.
+Closure:    ½ (ξⁿ + ξⁿ⁻¹)ᵀΔv − ΔB − D, the time-discretisation energy defect; it falls like the
+            square of the step
+So ΔE + ΔB + D + closure + released = work, work = −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, sums over the parts of a
+step where it has any.
+Two-sided estimate: −Δl̃ᵀvⁿ ≤ ΔE + ΔB + D ≤ −Δl̃ᵀvⁿ⁻¹. The upper bound holds for every descent from
+vⁿ⁻¹, the lower one where vⁿ⁻¹ was a global minimum. Literature: Mielke, Evolution of
+rate-independent systems (2005), §5.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,25 +52,35 @@ from tcstudy.scene.histories import MEMORIES, HistoryBranch, Memory
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-Tail = tuple[Index, Array, Array]
-"""(count, starts, pieces) of τ beyond a slip: (n,) pieces of each node, (n, P) slips at which they
-begin [m], and (5 or 7, n, P) their s_0, b_0, q, a, r, a_2, r_2; rows are filled with their last
-piece."""
 
 NARROW = 64 * float(np.finfo(float).eps)
 """A node nearer than this to the next kink of its law, relative to its κ, has reached it."""
-LAW_ERROR, FADED = 1e-4, 1e3
-"""Of the straight pieces in the place of exponential ones; and decay lengths after which nothing is
-left of one."""
-UNTOUCHED = 1e-12
+LAW_ERROR = 1e-4
+"""Largest error of straight pieces in place of exponential ones, relative to the law's scale."""
+DECAY_LENGTHS = 1e3
+"""Decay lengths after which an exponential has vanished."""
+MIN_DAMAGING_SLIP = 1e-12
 """Slips below this part of the law's scale damage nothing."""
 MIRROR = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0])[:, None, None]
 """Signs of s_0, b_0, q, a, r, a_2, r_2 in the mirrored piece −b(−s)."""
 
 
+class Tail(NamedTuple):
+    """τ beyond a slip of every node.
+
+    counts: (n,) pieces of each node
+    starts: (n, P) slips at which they begin [m]
+    pieces: (5 or 7, n, P) their s_0, b_0, q, a, r, a_2, r_2; rows are padded with their last piece
+    """
+
+    counts: Index
+    starts: Array
+    pieces: Array
+
+
 @dataclass(frozen=True)
 class NodeState:
-    """What the m nodes remember.
+    """Internal variables of the m nodes.
 
     v:       (m,) slip [m]
     kappa:   (m,) accumulated slip, accumulated plastic slip or largest slip [m]
@@ -82,9 +96,13 @@ class NodeState:
 class MemoryModel:
     """A memory of a body's contact line.
 
-    memory: which one;  law: of the scene, whose s > 0 is the virgin curve;  m: nodes
-    names:  (m,) which memory every node has, if they differ
-    slides, yields, tears: (m,) nodes with the memory `friction`, `elastic-plastic`, `damage`
+    memory: the memory of all nodes
+    law:    of the scene, whose s > 0 is the virgin curve
+    m:      number of nodes
+    names:  (m,) memory of every node, if they differ
+    is_friction, is_plastic, is_damage: (m,) nodes with the memory `friction`, `elastic-plastic`,
+                                        `damage`
+
     Raises UnfitLaw if the memory cannot be made of the law.
     """
 
@@ -92,21 +110,22 @@ class MemoryModel:
     law: Laws
     m: int
     names: NDArray[np.str_] | None = None
-    slides: Flags = field(init=False)
-    yields: Flags = field(init=False)
-    tears: Flags = field(init=False)
+    is_friction: Flags = field(init=False)
+    is_plastic: Flags = field(init=False)
+    is_damage: Flags = field(init=False)
 
     def __post_init__(self) -> None:
         names = np.full(self.m, self.memory.name) if self.names is None else self.names
-        for own, nodes in self.law.groups(self.m):
+        for law, nodes in self.law.groups(self.m):
             for name in np.unique(names[nodes]).tolist():
-                replace(self.memory, name=name).check(own)
-        for flags, memory in zip(("slides", "yields", "tears"), MEMORIES, strict=True):
-            object.__setattr__(self, flags, names == memory)
+                replace(self.memory, name=name).check(law)
+        attributes = ("is_friction", "is_plastic", "is_damage")
+        for attribute, memory in zip(attributes, MEMORIES, strict=True):
+            object.__setattr__(self, attribute, names == memory)
 
     @property
     def remembers(self) -> bool:
-        """False where every way leads back as well."""
+        """Whether unloading leaves the virgin curve."""
         return self.memory.name != "none"
 
     @property
@@ -116,152 +135,182 @@ class MemoryModel:
 
     @cached_property
     def omega(self) -> Array:
-        """(m,) steepest fall of any step's law [Pa/m]."""
-        found, at = self._own.falls[self._own.index], self.yields
-        found[at] = self._k * found[at] / (self._k - found[at])
-        return found
+        """(m,) maximum softening slope of the laws of all steps [Pa/m]."""
+        omega = self._law_by_node.falls[self._law_by_node.index]
+        softening = omega[self.is_plastic]
+        omega[self.is_plastic] = self._k * softening / (self._k - softening)
+        return omega
 
     @cached_property
     def elastic(self) -> Array:
-        """(m,) end of the branch on which the law rises straight from 0, which damages nothing; 0
-        without one [m]."""
-        first = self._own.piece(np.zeros(self.m))
-        s_0, b_0, q, *decays = self._own.numbers(first)
-        end = self._own.upper.take(first)
-        rises = (b_0 == q * s_0) & (q > 0.0) & ~np.any(decays[::2], axis=0) & np.isfinite(end)
-        return np.where(rises & self.tears, end, 0.0)
+        """(m,) end of the initial elastic branch of damage, 0 without one [m]."""
+        law = self._law_by_node
+        first = law.piece(np.zeros(self.m))
+        s_0, b_0, q, *exponentials = law.numbers(first)
+        amplitudes = exponentials[::2]
+        end = law.upper.take(first)
+        is_straight = (b_0 == q * s_0) & ~np.any(amplitudes, axis=0)
+        is_elastic = self.is_damage & is_straight & (q > 0.0) & np.isfinite(end)
+        return np.where(is_elastic, end, 0.0)
 
     @cached_property
     def unchanged(self) -> bool:
-        """True if the law in w = v − a is the scene's own at every step: nothing softens, or
-        nothing is remembered."""
-        count, _, pieces = _tail(self._own, np.zeros(self.m))
-        return not self.remembers or bool(
-            np.all(self.slides & (count == 1)) and not np.any(pieces[2:4])
-        )
+        """True if the law of w = v − a is the law of the scene at every step.
+
+        It is if nothing softens, or nothing is remembered.
+        """
+        tail = _tail(self._law_by_node, np.zeros(self.m))
+        is_constant = bool(np.all(self.is_friction & (tail.counts == 1)))
+        has_slope_or_exponential = np.any(tail.pieces[2:4])
+        return not self.remembers or (is_constant and not has_slope_or_exponential)
 
     @cached_property
-    def _own(self) -> Laws:
+    def _law_by_node(self) -> Laws:
         return self.law.tables.at(self.law.node_index(self.m))
 
     @cached_property
-    def _straight(self) -> Laws:
+    def _straight_law(self) -> Laws:
         """τ for s > 0 in straight pieces."""
-        return self.law.mapped(_chords).tables.at(self._own.index)
+        return self.law.mapped(_chords).tables.at(self._law_by_node.index)
 
     def origin(self, state: NodeState) -> Array:
-        """(m,) a: slips from which w is counted [m]."""
-        return np.where(self.slides, state.v, np.where(self.yields, state.plastic, 0.0))
+        """Return (m,) a, the slips from which w is counted [m]."""
+        return np.where(self.is_friction, state.v, np.where(self.is_plastic, state.plastic, 0.0))
 
     def next_law(self, state: NodeState, straight: bool = False) -> Laws:
-        """The law of w = v − a in the step from this state, or straight pieces in its place.
+        """Return the law of w = v − a in the step from this state.
 
-        Every node's is odd: ±τ(κ + |w|) with an up-jump at the last slip; elastic to τ(κ)/k, then
-        on along the virgin curve; or the secant to (κ, τ(κ)), then the virgin curve, the virgin law
-        itself where nothing has slipped.
+        The law of every node is odd. Friction is ±τ(κ + |w|) with an up-jump at the last slip. An
+        elastic-plastic bond is elastic to τ(κ)/k and then follows the virgin curve. Damage is the
+        secant to (κ, τ(κ)) and then the virgin curve, or the virgin law where nothing has slipped.
+
+        straight: whether straight pieces replace exponential ones
         """
         straight = straight and not self.law.piecewise_linear
         if self.unchanged and not straight:
             return self.law
         kappa = np.maximum(state.kappa, self.elastic)
-        count, starts, pieces = self._chords_on(kappa) if straight else _tail(self._own, kappa)
-        moved = np.where(self.tears, 0.0, kappa)[:, None]
-        starts, pieces[0], centre = starts - moved, pieces[0] - moved, np.full(self.m, np.nan)
-        if np.any(self.yields):
+        tail = self._straight_tail(kappa) if straight else _tail(self._law_by_node, kappa)
+        # damage counts slips from 0, the other memories count them from κ
+        shift = np.where(self.is_damage, 0.0, kappa)[:, None]
+        starts, pieces = tail.starts - shift, tail.pieces
+        pieces[0] = pieces[0] - shift
+        centre_slope = np.full(self.m, np.nan)
+        if np.any(self.is_plastic):
             starts, pieces = self._in_series(starts, pieces)
-            centre[self.yields & (pieces[1][:, 0] > 0.0)] = self._k
-        torn = self.tears & (kappa > 0.0)
-        centre[torn] = self.law.b(kappa, -1)[torn] / kappa[torn]
-        return self._odd(count, starts, pieces, centre)
+            has_strength = pieces[1][:, 0] > 0.0
+            centre_slope[self.is_plastic & has_strength] = self._k
+        is_torn = self.is_damage & (kappa > 0.0)
+        centre_slope[is_torn] = self.law.b(kappa, -1)[is_torn] / kappa[is_torn]
+        return self._odd_law(Tail(tail.counts, starts, pieces), centre_slope)
 
     def _in_series(self, starts: Array, pieces: Array) -> tuple[Array, Array]:
-        """The tail of τ(κ + x) behind the spring of elastic-plastic nodes: slopes q become k q/(k +
-        q)."""
-        k, yields = self._k, self.yields[:, None]
-        tau = pieces[1] + pieces[2] * (starts - pieces[0])
-        starts, turned = np.where(yields, starts + tau / k, starts), 0.0 * pieces
-        turned[:3] = starts, tau, k * pieces[2] / np.where(yields, k + pieces[2], 1.0)
-        return starts, np.where(yields, turned, pieces)
+        """Return (starts, pieces) of τ(κ + x) behind the springs of elastic-plastic nodes.
 
-    def _chords_on(self, kappa: Array) -> Tail:
-        """The tail in straight pieces; where they stand for a curve a node begins on the curve
-        itself."""
-        own, law = self._own, self._straight
-        count, starts, pieces = _tail(law, kappa)
-        end, curved = (
-            law.upper.take(law.piece(_reached(kappa))),
-            np.any(own.bent, axis=1)[own.index],
-        )
-        begin, (s_0, b_0, q) = own.value(kappa, own.piece(_reached(kappa))), pieces[:3, :, 0]
-        inner = curved & np.isfinite(end)
-        there = b_0 + q * (np.where(inner, end, kappa) - s_0)
-        slope = np.divide(there - begin, end - kappa, out=q.copy(), where=inner)
-        pieces[:3, :, 0] = np.where(curved, (kappa, begin, slope), pieces[:3, :, 0])
-        return count, starts, pieces
-
-    def _odd(self, count: Index, starts: Array, pieces: Array, centre: Array) -> Laws:
-        """The laws of all nodes from their pieces for w > 0 and the slope of one through 0, NaN for
-        a jump or a bend.
-
-        What a film has lost does not make its residuals larger: its scale is that before anything
-        was forgotten.
+        Slopes q become k q/(k + q).
         """
-        (n, P), N, middle = (
-            starts.shape,
-            count[:, None],
-            np.isfinite(centre)[:, None].astype(np.intp),
-        )
-        column, row = (
-            np.arange(2 * P + int(np.max(middle, initial=0)))[None, :],
-            np.arange(n)[:, None],
-        )
-        left, inner = column < N, (column == N) & (middle == 1)
-        at = np.where(left, N - 1 - column, np.clip(column - N - middle, 0, N - 1))
-        pieces = pieces[:, row, at] * np.where(left, MIRROR[: len(pieces)], 1.0)
-        pieces = np.where(inner, 0.0, pieces)
-        pieces[2] = np.where(inner, centre[:, None], pieces[2])
-        column = column[:, :-1]
-        below = column < N - 1 + middle
-        at = np.where(below, N - 1 - column, np.clip(column - N + 1 - middle, 0, N - 1))
-        kinks = starts[row, at] * np.where(below, -1.0, 1.0)
-        kinks = np.where(column < 2 * N - 1 + middle, kinks, np.inf)
-        found = Laws("row", kinks, *(pieces + 0.0), index=np.arange(n, dtype=np.intp))
-        return found.known(scales=np.full(n, self.law.b_scale), falls=self.omega)
+        k = self._k
+        is_plastic = self.is_plastic[:, None]
+        s_0, b_0, q = pieces[:3]
+        tau = b_0 + q * (starts - s_0)
+        starts = np.where(is_plastic, starts + tau / k, starts)
+        in_series = 0.0 * pieces
+        in_series[:3] = starts, tau, k * q / np.where(is_plastic, k + q, 1.0)
+        return starts, np.where(is_plastic, in_series, pieces)
+
+    def _straight_tail(self, kappa: Array) -> Tail:
+        """Return the tail in straight pieces, which begins on the curve that they replace."""
+        curve, chords = self._law_by_node, self._straight_law
+        tail = _tail(chords, kappa)
+        first = tail.pieces[:3, :, 0]
+        s_0, b_0, q = first
+        reached = _reached(kappa)
+        end = chords.upper.take(chords.piece(reached))
+        is_curved = np.any(curve.bent, axis=1)[curve.index]
+        is_inner = is_curved & np.isfinite(end)
+        tau = curve.value(kappa, curve.piece(reached))
+        tau_at_end = b_0 + q * (np.where(is_inner, end, kappa) - s_0)
+        slope = np.divide(tau_at_end - tau, end - kappa, out=q.copy(), where=is_inner)
+        tail.pieces[:3, :, 0] = np.where(is_curved, (kappa, tau, slope), first)
+        return tail
+
+    def _odd_law(self, tail: Tail, centre_slope: Array) -> Laws:
+        """Return the laws of all nodes from their pieces for w > 0.
+
+        What a film has lost does not make its residuals larger: its scale is that of the virgin
+        film.
+
+        centre_slope: (m,) slope of a piece through 0, NaN where the law has a jump or a bend at 0
+        """
+        n, width = tail.starts.shape
+        row = np.arange(n)[:, None]
+        count = tail.counts[:, None]
+        centre_pieces = np.isfinite(centre_slope)[:, None].astype(np.intp)
+        column = np.arange(2 * width + int(np.max(centre_pieces, initial=0)))[None, :]
+        is_mirrored = column < count
+        is_centre = (column == count) & (centre_pieces == 1)
+        rank_right = np.clip(column - count - centre_pieces, 0, count - 1)
+        rank = np.where(is_mirrored, count - 1 - column, rank_right)
+        signs = np.where(is_mirrored, MIRROR[: len(tail.pieces)], 1.0)
+        pieces = np.where(is_centre, 0.0, tail.pieces[:, row, rank] * signs)
+        pieces[2] = np.where(is_centre, centre_slope[:, None], pieces[2])
+
+        kink = column[:, :-1]
+        is_mirrored = kink < count - 1 + centre_pieces
+        rank_right = np.clip(kink - count + 1 - centre_pieces, 0, count - 1)
+        rank = np.where(is_mirrored, count - 1 - kink, rank_right)
+        slips = tail.starts[row, rank] * np.where(is_mirrored, -1.0, 1.0)
+        kinks = np.where(kink < 2 * count - 1 + centre_pieces, slips, np.inf)
+        laws = Laws("row", kinks, *(pieces + 0.0), index=np.arange(n, dtype=np.intp))
+        return laws.known(scales=np.full(n, self.law.b_scale), falls=self.omega)
 
     def after(self, state: NodeState, w: Array) -> tuple[NodeState, Array, Array]:
-        """What the step to v = a + w leaves behind: the state, and per length stored and dissipated
-        energies [J/m²]."""
-        v, kappa, plastic = self.origin(state) + w, state.kappa, state.plastic
+        """Return the state after the step to v = a + w, and its energies.
+
+        The energies are stored and dissipated ones per length, (m,) each [J/m²].
+        """
+        v = self.origin(state) + w
         if not self.remembers:
-            return NodeState(v, kappa, plastic), self.law.j(v), np.zeros(self.m)
+            return NodeState(v, state.kappa, state.plastic), self.law.j(v), np.zeros(self.m)
         flow, force = self._flow(state, w)
-        least = UNTOUCHED * (self.law.s_scale or float(np.max(np.abs(v), initial=0.0)))
-        largest = np.where(
-            np.maximum(kappa, np.abs(v)) > np.maximum(kappa, least), np.abs(v), kappa
-        )
-        kappa = np.where(self.tears, largest, kappa + flow)
-        before, now = np.maximum(state.kappa, self.elastic), np.maximum(kappa, self.elastic)
-        old, tau = (
-            np.where(self.tears & (at > 0.0), self.law.b(at, -1), 0.0) for at in (before, now)
-        )
-        lost = self.law.integral(before, now) - 0.5 * (tau * now - old * before)
-        lost = np.where(self.tears, np.where(now > before, np.maximum(lost, 0.0), 0.0), lost)
-        stored = 0.5 * tau / np.where(now > 0.0, now, 1.0) * v**2 + 0.5 * force**2 / self._k
-        return (
-            NodeState(v, kappa, plastic + np.where(self.yields, np.sign(w) * flow, 0.0)),
-            stored,
-            lost,
-        )
+        largest_slip = self._largest_slip(state.kappa, v)
+        kappa = np.where(self.is_damage, largest_slip, state.kappa + flow)
+        plastic = state.plastic + np.where(self.is_plastic, np.sign(w) * flow, 0.0)
+
+        before, after = np.maximum(state.kappa, self.elastic), np.maximum(kappa, self.elastic)
+        tau_before, tau = self._tau_of_damage(before), self._tau_of_damage(after)
+        change_stored = 0.5 * (tau * after - tau_before * before)
+        dissipated = self.law.integral(before, after) - change_stored
+        by_damage = np.where(after > before, np.maximum(dissipated, 0.0), 0.0)
+        dissipated = np.where(self.is_damage, by_damage, dissipated)
+        secant = 0.5 * tau / np.where(after > 0.0, after, 1.0)
+        stored = secant * v**2 + 0.5 * force**2 / self._k
+        return NodeState(v, kappa, plastic), stored, dissipated
+
+    def _largest_slip(self, kappa: Array, v: Array) -> Array:
+        """Return (m,) the largest slip with v, but for slips too small to damage [m]."""
+        slip = np.abs(v)
+        scale = self.law.s_scale or float(np.max(slip, initial=0.0))
+        least = np.maximum(kappa, MIN_DAMAGING_SLIP * scale)
+        return np.where(np.maximum(kappa, slip) > least, slip, kappa)
+
+    def _tau_of_damage(self, kappa: Array) -> Array:
+        """Return (m,) τ(κ) of nodes with damage, 0 of the others [Pa]."""
+        return np.where(self.is_damage & (kappa > 0.0), self.law.b(kappa, -1), 0.0)
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
-        """(Δp, force) (m,): of friction |w|, 0; of elastic-plastic bonds force = b(w), Δp = |w| −
-        force/k; else 0."""
-        flow = np.where(self.slides, np.abs(w), 0.0)
-        if not np.any(self.yields):
+        """Return (m,) the slip that flows in the step [m] and the force of springs [Pa].
+
+        Friction flows by |w|. Elastic-plastic bonds have the force b(w) and flow by |w| − force/k.
+        Damage does not flow.
+        """
+        flow = np.where(self.is_friction, np.abs(w), 0.0)
+        if not np.any(self.is_plastic):
             return flow, 0.0 * flow
-        force = np.where(self.yields, np.abs(self.next_law(state).b(w)), 0.0)
-        beyond = np.abs(w) - force / self._k
-        return np.where(self.yields & (beyond > NARROW * np.abs(w)), beyond, flow), force
+        force = np.where(self.is_plastic, np.abs(self.next_law(state).b(w)), 0.0)
+        plastic_flow = np.abs(w) - force / self._k
+        yields = self.is_plastic & (plastic_flow > NARROW * np.abs(w))
+        return np.where(yields, plastic_flow, flow), force
 
 
 def _reached(kappa: Array) -> Array:
@@ -269,55 +318,57 @@ def _reached(kappa: Array) -> Array:
 
 
 def _tail(law: Laws, kappa: Array) -> Tail:
-    """τ beyond κ (n,) of laws by node: the piece on which a node goes on from there, and all after
-    it."""
+    """Return τ beyond κ (n,) of laws by node."""
     first = law.piece(_reached(kappa))
-    count = (
-        np.count_nonzero(np.isfinite(law.kinks), axis=1)[law.index]
-        + 1
-        - (first - law.first[law.index])
-    )
-    at = first[:, None] + np.minimum(np.arange(np.max(count, initial=1)), count[:, None] - 1)
-    starts = np.maximum(law.lower.take(at), kappa[:, None])
+    kinks = np.count_nonzero(np.isfinite(law.kinks), axis=1)[law.index]
+    count = kinks + 1 - (first - law.first[law.index])
+    rank = np.arange(np.max(count, initial=1))
+    piece = first[:, None] + np.minimum(rank, count[:, None] - 1)
+    starts = np.maximum(law.lower.take(piece), kappa[:, None])
     starts[:, 0] = kappa
-    return count, starts, np.stack(law.numbers(at))
+    return Tail(count, starts, np.stack(law.numbers(piece)))
 
 
 def _chords(law: Laws) -> Laws:
-    """τ for s > 0 in straight pieces between points of the law, which miss it by LAW_ERROR of its
-    scale at most."""
+    """Return τ for s > 0 in straight pieces between points of the law.
+
+    They miss it by LAW_ERROR of its scale at most.
+    """
     if law.piecewise_linear:
         return law
-    reach = float(np.max(law.kinks, initial=0.0)) + FADED / float(np.min(law.rate[law.bent]))
+    decayed = DECAY_LENGTHS / float(np.min(law.rate[law.bent]))
+    reach = float(np.max(law.kinks, initial=0.0)) + decayed
     kinks = piecewise_linear(law, 0.5 * LAW_ERROR, reach).kinks
     s = np.concatenate([[0.0], kinks[kinks > 0.0]])
-    piece, none = law.piece(s), np.zeros(len(s))
+    piece = law.piece(s)
     b, q = law.value(s, piece), law.q[piece]
     q[:-1] = (law.value(s[1:], piece[:-1]) - b[:-1]) / np.diff(s)
-    return Laws(law.name, s[1:], s, b, q, none, none)
+    zero = np.zeros(len(s))
+    return Laws(law.name, s[1:], s, b, q, zero, zero)
 
 
 SUMS = ("work", "dissipated", "dissipation", "closure", "released", "parts", "iterations", "jumps")
 """Numbers of a step that are sums over its parts."""
-NOBODY = np.False_
+NO_NODE = np.False_
 UNDETERMINED = (
-    "all nodes slide at their limit, so that how far the body has moved as a whole is not determined: put a contact "
-    "node where the slip changes its direction (another number of elements)"
+    "all nodes slide at their limit, so that how far the body has moved as a whole is not "
+    "determined: put a contact node where the slip changes its direction (another number of "
+    "elements)"
 )
 
 
 @dataclass(frozen=True)
 class HistoryStep(NodeState):
-    """A step: all that a file has of it and all that the next one needs, beginning with what the
-    nodes remember.
+    """A step: what a file stores of it and what the next step needs.
 
-    load:       (m,) l̃ [N/m];  xi: (m,) ξ/c [Pa];  dissipation: (m,) what the bond has dissipated in the step [J/m²]
-    stored:     B;  energy: E [J/m]
-    work:       −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, what the change of the loads did;  dissipated: D ≥ 0
-    closure:    what finite steps miss;  released: lost at jumps, ≥ 0 [J/m]
-    identity:   largest defect of the identity of all parts, relative to the terms it is made of: rounding
-    parts:      contact problems solved or pieces of a path followed;  iterations: of the solvers
-    jumps:      their number;  jumped: (m,) nodes that a jump has moved
+    load:        (m,) l̃ [N/m];  xi: (m,) ξ/c [Pa]
+    dissipation: (m,) what the bond has dissipated in the step [J/m²]
+    stored:      B;  energy: E [J/m]
+    work:        −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, the work of the loads;  dissipated: D ≥ 0 [J/m]
+    closure:     time-discretisation energy defect;  released: energy released at jumps, ≥ 0 [J/m]
+    identity:    largest defect of the identity of all parts, relative to its terms: rounding
+    parts:       contact problems solved or pieces of a path followed;  iterations: of the solvers
+    jumps:       their number;  jumped: (m,) nodes that a jump has moved
     inclusion_residual, inclusion_rounding: of the last part, and what rounding allows of it
     unique, strict_minimum, global_minimum: proved for the last part
     status, reason: CONVERGED, or why the history ends here
@@ -336,7 +387,7 @@ class HistoryStep(NodeState):
     parts: int = 0
     iterations: int = 0
     jumps: int = 0
-    jumped: NDArray[np.bool_] | np.bool_ = NOBODY
+    jumped: NDArray[np.bool_] | np.bool_ = NO_NODE
     inclusion_residual: float = 0.0
     inclusion_rounding: float = 0.0
     unique: bool = False
@@ -352,34 +403,31 @@ class HistoryStep(NodeState):
 
     @classmethod
     def virgin(cls, m: int) -> HistoryStep:
-        """Before any load."""
+        """Return the unloaded initial state."""
         return cls(*np.zeros((6, m)))
 
     def unchanged(self) -> HistoryStep:
-        """The step after this one to the same load: nothing happens in it."""
-        none = {name: 0 * getattr(self, name) for name in SUMS}
-        return replace(self, **none, identity=0.0, jumped=NOBODY)
+        """Return the step after this one to the same load, in which nothing happens."""
+        zeros = {name: 0 * getattr(self, name) for name in SUMS}
+        return replace(self, **zeros, identity=0.0, jumped=NO_NODE)
 
     def then(self, part: HistoryStep) -> HistoryStep:
-        """This and a further part of the same step."""
+        """Return this step with a further part."""
         sums = {name: getattr(self, name) + getattr(part, name) for name in SUMS}
-        return replace(
-            part,
-            identity=max(self.identity, part.identity),
-            jumped=self.jumped | part.jumped,
-            **sums,
-        )
+        identity = max(self.identity, part.identity)
+        return replace(part, identity=identity, jumped=self.jumped | part.jumped, **sums)
 
 
 @dataclass(frozen=True)
 class HistoryProblem:
-    """What all steps share.
+    """What all steps of a history share.
 
-    body:       Ã and c; a body that nothing but friction holds is a loose one, with Ã only semidefinite
-    model:      the scene's law and what is remembered of it
-    branch:     "lowest": lowest found of the step from all starts; "continued": along its path (steps.py)
+    body:       Ã and c; a body that only friction holds is a loose one, with Ã only semidefinite
+    model:      the law of the scene and its memory
+    branch:     "lowest": lowest found of the step from all starts; "continued": along its path
+                (steps.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
-    max_pieces: of a path that is followed at once
+    max_pieces: most pieces of a path that is followed at once
     """
 
     body: CondensedBody
@@ -403,67 +451,73 @@ class HistoryProblem:
 
     @cached_property
     def monotone(self) -> bool:
-        """True if no law falls, so that every solution has the least energy."""
+        """True if no law softens, so that every solution has the least energy."""
         return not np.any(self.model.omega)
 
     def one_solution(self, law: Laws) -> bool:
-        """Whether a step with these laws, as the memory has moved them, has one solution or a
-        connected set of them."""
+        """Return whether a step has one solution or a connected set of them.
+
+        law: of the step, as the memory has moved it
+        """
         if self.convex or self.monotone:
             return True
         reach = far(law)[law.node_index(self.body.m)]
         slope = least_slopes(law, -reach, reach)
         problem = ContactProblem.on(self.body, np.zeros(self.body.m), law)
-        return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.body.lambda_1)
+        rises = bool(np.all(slope >= 0.0))
+        return rises or positive_definite(problem, slope, self.body.lambda_1)
 
     @cached_property
     def scaled(self) -> ScaledBody:
-        """Ã as paths have it."""
+        """Ã as paths need it."""
         return ScaledBody.of(self.body.A_tilde, not self.body.loose)
 
     def energy(self, v: Array, load: Array) -> float:
-        """E = ½ vᵀÃv − l̃ᵀv [J/m]."""
+        """Return E = ½ vᵀÃv − l̃ᵀv [J/m]."""
         return float(0.5 * v @ (self.body.A_tilde @ v) - load @ v)
 
+    def energy_size(self, v: Array, load: Array) -> float:
+        """Return the size of the terms of E, |v|ᵀ|Ã||v| + |l̃|ᵀ|v| [J/m]."""
+        slip = np.abs(v)
+        return float(slip @ (np.abs(self.body.A_tilde) @ slip) + np.abs(load) @ slip)
 
-def booked(
-    p: HistoryProblem,
-    last: HistoryStep,
+
+def with_energies(
+    history: HistoryProblem,
+    last_step: HistoryStep,
     load: Array,
     answer: Answer,
-    way: tuple[float, float] | None = None,
+    work: float | None = None,
+    friction: float | None = None,
 ) -> HistoryStep:
-    """The step or part of one to a solution w (m,) of its problem, with its energies.
+    """Return the step, or part of a step, to a solution w (m,) with its energies.
 
-    way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is
-    taken as straight
+    work, friction: work of the loads and ∫ξᵀdv of a path from the last state that is known between
+                    its ends; by default those of a straight path [J/m]
     """
-    c, (state, stored_by_node, dissipation) = p.body.c, p.model.after(last, answer.v)
-    v, xi, stored, dissipated = (
-        state.v,
-        answer.xi / c,
-        float(c @ stored_by_node),
-        float(c @ dissipation),
-    )
-    energy, size = p.energy(v, load), _size(p.body, v, load) + _size(p.body, last.v, last.load)
-    straight = (
-        -0.5 * float((v + last.v) @ (load - last.load)),
-        0.5 * float((c * (xi + last.xi)) @ (v - last.v)),
-    )
-    work, friction = straight if way is None else way
-    defect = abs(energy - last.energy - work + friction)
+    c = history.body.c
+    state, stored_by_node, dissipation = history.model.after(last_step, answer.v)
+    v, xi = state.v, answer.xi / c
+    stored, dissipated = float(c @ stored_by_node), float(c @ dissipation)
+    energy = history.energy(v, load)
+    if work is None:
+        work = -0.5 * float((v + last_step.v) @ (load - last_step.load))
+    if friction is None:
+        friction = 0.5 * float((c * (xi + last_step.xi)) @ (v - last_step.v))
+    defect = abs(energy - last_step.energy - work + friction)
+    size = history.energy_size(v, load) + history.energy_size(last_step.v, last_step.load)
     return HistoryStep(
-        v,
-        state.kappa,
-        state.plastic,
-        load,
-        xi,
-        dissipation,
-        stored,
-        energy,
-        work,
-        dissipated,
-        closure=friction - (stored - last.stored) - dissipated,
+        v=v,
+        kappa=state.kappa,
+        plastic=state.plastic,
+        load=load,
+        xi=xi,
+        dissipation=dissipation,
+        stored=stored,
+        energy=energy,
+        work=work,
+        dissipated=dissipated,
+        closure=friction - (stored - last_step.stored) - dissipated,
         identity=defect / (size or 1.0),
         parts=1,
         iterations=answer.iterations,
@@ -474,29 +528,29 @@ def booked(
     )
 
 
-def _size(body: CondensedBody, v: Array, load: Array) -> float:
-    """Of the terms that E is made of: |v|ᵀ|Ã||v| + |l̃|ᵀ|v| [J/m]."""
-    size = np.abs(v)
-    return float(size @ (np.abs(body.A_tilde) @ size) + np.abs(load) @ size)
-
-
-def proved(
-    p: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep
+def with_proofs(
+    history: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep
 ) -> HistoryStep:
-    """The step with its certificates; a loose body whose motion as a whole is free has none, and
-    fails."""
-    if p.convex:
+    """Return the step with its certificates.
+
+    The step of a loose body fails if the motion as a whole is not determined.
+    """
+    body = history.body
+    if history.convex:
         return replace(step, unique=True, strict_minimum=True, global_minimum=True)
-    if p.monotone or p.body.loose:
+    if history.monotone or body.loose:
         strict = bool(strict_minimum(problem.rows, answer.v[None])[0])
-        if p.body.loose and not strict:
+        if body.loose and not strict:
             return replace(step, status=Status.NOT_POSITIVE_DEFINITE, reason=UNDETERMINED)
-        return replace(
-            step, unique=strict and p.monotone, strict_minimum=strict, global_minimum=p.monotone
-        )
-    body, residual = p.body, answer.inclusion_residual
+        unique = strict and history.monotone
+        return replace(step, unique=unique, strict_minimum=strict, global_minimum=history.monotone)
     proof = certify(
-        problem, answer.v, body.lambda_1, p.tolerance, inverse=body.inverse, residual=residual
+        problem,
+        answer.v,
+        body.lambda_1,
+        history.tolerance,
+        inverse=body.inverse,
+        residual=answer.inclusion_residual,
     )
     return replace(
         step,
