@@ -1,23 +1,23 @@
-"""Find numbers of a study from measurements: from several starts, with intervals and what is not
-determined.
+"""Fit parameters of a study to measurements: from several starts, with intervals and
+identifiability.
 
-The models are those of `study.fit_models`, the statistics those of `accuracy.fitted`; here is what
-a fit does with them and what it keeps. One solution for every load is not one minimum of the
-squares: all starts are tried, or until one has a probable χ² with every number determined.
+The models are those of `study.fit_models`, the statistics those of `accuracy.fitted`; this module
+runs a fit and collects what its file keeps. A unique solution for every load is no unique minimum
+of the squares: all starts are tried, or until one is consistent with the noise and identifies every
+parameter.
 
-A fit takes the mesh for the body. What that does to the numbers is measured at the end: on a mesh
-of half the size the residuals change by Δr, and the estimates by −(JᵀJ)⁻¹Jᵀ Δr, one step of Gauss
-and Newton. As much again may be left where the error falls with the size of the elements, a third
-of it where it falls with its square.
+A fit takes the mesh for the body. The effect on the parameters is measured at the end: on a mesh of
+half the size the residuals change by Δr, and the estimates by −(JᵀJ)⁻¹Jᵀ Δr, one step of Gauss and
+Newton. As much again may be left where the error falls with the size of the elements, a third of it
+where it falls with its square.
 
-Of laws by points that are to be smooth, among those that explain the data as well the straighter
-one is found. Added to Σr² is w Σ_i D_i², D_i the jump of slope at point i over the root of its
-share of the line, so that Σ D_i² is ∫ b″² (in units of the law's length and size); jumps of b stay
-free. The weight w is that of least generalised cross-validation n Σr²/(n − tr A)², A = J(JᵀJ +
-wDᵀD)⁻¹Jᵀ, over decades: it needs no knowledge of the noise. tr A is how many numbers the data
-decide. Where outliers count less, ρ(r²) stands for r², and w Σ D_i² is added as it is. Literature:
-Craven & Wahba, Numer. Math. 31 (1978) 377–403; Golub, Heath & Wahba, Technometrics 21 (1979)
-215–223.
+Laws by points may be smooth: of the laws that explain the data as well, the straighter one is
+found. Added to Σr² is w Σ_i D_i², D_i the jump of slope at point i over the root of its share of
+the line, so that Σ D_i² is ∫ b″² (in units of the law's length and size); jumps of b stay free. The
+weight w has the least generalised cross-validation n Σr²/(n − tr A)², A = J(JᵀJ + wDᵀD)⁻¹Jᵀ, over
+decades: it needs no knowledge of the noise. tr A are the effective degrees of freedom. Where
+outliers count less, ρ(r²) stands for r², and w Σ D_i² is added as it is. Literature: Craven &
+Wahba, Numer. Math. 31 (1978) 377–403; Golub, Heath & Wahba, Technometrics 21 (1979) 215–223.
 """
 
 from __future__ import annotations
@@ -52,48 +52,52 @@ from tcstudy.offline.level import Level
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.fit_plan import FitColumn, FitPlan
 from tcstudy.scene.study import Study
-from tcstudy.study.fit_models import Compared, FitModel
+from tcstudy.study.fit_models import Comparison, FitModel
 from tcstudy.study.run import level_of
 
 Array = NDArray[np.float64]
+Model = Callable[[Array], tuple[Array, Array]]
+"""Parameters (k,) → residuals (n,) and their derivatives (n, k)."""
 Progress = Callable[[str], None]
 
-ESTIMATED = 0.01
-"""Noise of a column, of its range, that is assumed where it is not given: of several the ratio
-matters."""
-BLIND = 1e-10
-"""Column of the Jacobian by ln p, of the largest, below which the data do not depend on a
-number."""
-LAW_PLACES = 400
-DRAWN = 1e-4
-"""Error of straight pieces in the place of exponential ones that nobody sees in a picture of the
-curve."""
-
-DECADES = np.logspace(3.0, -4.0, 8)
+ASSUMED_NOISE = 0.01
+"""Noise of a column where it is not given, relative to its range; of several the ratio matters."""
+MIN_SENSITIVITY = 1e-10
+"""Column of the Jacobian by ln p, relative to the largest, at which the data depend on p."""
+N_LAW_SLIPS = 400
+"""Slips at which the fitted law is kept."""
+DRAWN_LAW_ERROR = 1e-4
+"""Error of straight pieces for exponential ones, too small to be seen in a picture of the curve."""
+SMOOTHING_WEIGHTS = np.logspace(3.0, -4.0, 8)
 """Weights that are tried, times tr JᵀJ/tr DᵀD."""
 
 
 @dataclass(frozen=True)
 class Tests:
-    """All tests of a fit as one model of the numbers to find: their residuals one after the
-    other."""
+    """All tests of a fit as one model of the parameters: their residuals one after the other."""
 
     models: list[FitModel]
 
     @classmethod
     def of(cls, study: Study) -> Tests:
-        """The first test is the study itself. Raises GeometryFailed."""
-        return cls([model_of(one, one.fit) for one in (study, *study.tests) if one.fit is not None])
+        """Return the models of all tests; the first is the study itself. Raises GeometryFailed."""
+        tests = (study, *study.tests)
+        return cls([model_of(test, test.fit) for test in tests if test.fit is not None])
 
     def __call__(self, p: Array) -> tuple[Array, Array]:
-        """Residuals and Jacobian, for the minimiser."""
-        parts = [model.compared(p) for model in self.models]
-        return np.concatenate([one.residual for one in parts]), np.concatenate(
-            [one.jacobian for one in parts]
-        )
+        """Return residuals and Jacobian, for the minimiser."""
+        comparisons = self.compare(p)
+        residual = np.concatenate([comparison.residual for comparison in comparisons])
+        jacobian = np.concatenate([comparison.jacobian for comparison in comparisons])
+        return residual, jacobian
+
+    def compare(self, p: Array) -> list[Comparison]:
+        """Compare every test with its data. Raises FitError."""
+        return [model.compare(p) for model in self.models]
 
     @property
     def known_noise(self) -> bool:
+        """Whether the noise of all tests is known."""
         return all(model.plan.known_noise for model in self.models)
 
     @property
@@ -103,301 +107,381 @@ class Tests:
 
     @property
     def groups(self) -> list[NDArray[np.intp]]:
-        """Residuals of each measured column."""
+        """Positions of the residuals of each measured column."""
         ends = np.cumsum([len(column.values) for _, column in self.columns])
         return np.split(np.arange(ends[-1]), ends[:-1])
 
 
 def fit(study: Study, progress: Progress = lambda text: None) -> Record:
-    """The numbers that the section `fit` asks for.
+    """Return the results of the section `fit` of a study.
 
-    progress: told what is done
+    progress: called with what is done
     Raises FitError where there is nothing to fit or no solution, GeometryFailed if the body has no
     mesh.
     """
     plan = study.fit
     if plan is None:
         raise FitError(
-            "the study has no section fit; add fit: {data: {file: ..., columns: ...}, parameters: ...}"
+            "the study has no section fit; "
+            "add fit: {data: {file: ..., columns: ...}, parameters: ...}"
         )
-    tests, box = Tests.of(study), box_of(plan)
+    tests = Tests.of(study)
+    box = box_of(plan)
     try:
         fits, failures = _fits(plan, tests, box, progress)
     except (NotPositiveDefinite, LawError, GrowthError) as error:
         raise FitError(str(error)) from error
-    best = min(fits, key=lambda one: one.cost)
-    found = [replace(model, law_error=DRAWN).compared(best.p) for model in tests.models]
-    if early := next((one.early for one in found if one.early), ""):
-        raise FitError(f"the path that fits best ends early: {early}")
-    said = uncertainty(best, box, tests.groups, tests.known_noise)
+    best = min(fits, key=lambda minimum: minimum.cost)
+    comparisons = _drawn_comparisons(tests, best)
+    statistics = uncertainty(best, box, tests.groups, tests.known_noise)
     minima = different(fits, box, tests.known_noise)
-    values, told = _found(plan, tests, minima, found), _told(plan, tests, said)
-    values |= {variable.name: said[variable.name] for variable in FIT if variable.name in said}
-    values |= _law(plan, tests.models[0], best, said["covariance"])
-    told |= {name: value for name, value in said.items() if name not in values and name != "weak"}
-    told |= {
+    values = {
+        **_parameter_values(plan, minima),
+        **_data_values(tests, comparisons, best, box),
+        **_curve_values(comparisons),
+        **{column.name: statistics[column.name] for column in FIT if column.name in statistics},
+        **_law_values(plan, tests.models[0], best, statistics["covariance"]),
+    }
+    attributes = _attributes(plan, tests, statistics)
+    for name, value in statistics.items():
+        if name not in values and name != "weak":
+            attributes[name] = value
+    attributes |= {
         "starts_tried": np.int32(len(fits) + len(failures)),
         "starts_failed": np.int32(len(failures)),
-    }
-    told |= {"start_failure": failures[0] if failures else ""}
-    told |= {
+        "start_failure": failures[0] if failures else "",
         "evaluations": np.int32(best.evaluations),
-        "solves": np.int32(sum(one.solves for one in tests.models)),
+        "solves": np.int32(sum(model.solves for model in tests.models)),
     }
-    told |= {"smooth_weight": best.weight, "numbers_decided": best.numbers} if plan.smooth else {}
+    if plan.smooth:
+        attributes |= {"smooth_weight": best.weight, "numbers_decided": best.numbers}
     progress("the same on a mesh of half the size")
-    return Record("fit", FIT, values | {"mesh_shift": mesh_shift(tests, best, box, said)}, told)
+    values["mesh_shift"] = mesh_shift(tests, best, box, statistics)
+    return Record("fit", FIT, values, attributes)
 
 
-def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any]) -> Array:
-    """(k,) how far meshes of half the size would move the estimates, in standard errors; NaN on
-    bounds, and all of it where such a mesh gives no result."""
-    free, shift, finer = (
-        np.flatnonzero(~said["at_bound"]),
-        np.full(len(best.p), np.nan),
-        list[Compared](),
-    )
+def _drawn_comparisons(tests: Tests, best: Minimum) -> list[Comparison]:
+    """Return the tests at the best fit, with curves as fine as pictures need them.
+
+    Raises FitError if a path ends early.
+    """
+    comparisons = [
+        replace(model, law_error=DRAWN_LAW_ERROR).compare(best.p) for model in tests.models
+    ]
+    for comparison in comparisons:
+        if comparison.early:
+            raise FitError(f"the path that fits best ends early: {comparison.early}")
+    return comparisons
+
+
+def mesh_shift(tests: Tests, best: Minimum, box: Box, statistics: Mapping[str, Any]) -> Array:
+    """Return (k,) how far meshes of half the size would move the estimates, in standard errors.
+
+    NaN on bounds, and everywhere if such a mesh gives no result.
+    """
+    shift = np.full(len(best.p), np.nan)
+    comparisons = list[Comparison]()
     try:
         for model in tests.models:
-            level = Level(refine(model.level.mesh), model.plan.scene, held=model.level.held)
-            finer.append(replace(model, level=level).compared(best.p))
+            mesh = refine(model.level.mesh)
+            level = Level(mesh, model.plan.scene, held=model.level.held)
+            comparisons.append(replace(model, level=level).compare(best.p))
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
-    own = np.concatenate([best.jacobian * box.rate(best.p), best.prior])[:, free]
-    if not any(one.early for one in finer) and np.all(np.isfinite(said["standard_error"][free])):
-        change = best.residual - np.concatenate([one.residual for one in finer])
-        step = np.linalg.lstsq(own, np.append(change, np.zeros(len(best.prior))))[0]
-        shift[free] = step * box.rate(best.p)[free] / said["standard_error"][free]
+    free = np.flatnonzero(~statistics["at_bound"])
+    standard_error = statistics["standard_error"][free]
+    ends_early = any(comparison.early for comparison in comparisons)
+    if ends_early or not np.all(np.isfinite(standard_error)):
+        return shift
+    rate = box.rate(best.p)
+    J = np.concatenate([best.jacobian * rate, best.prior])[:, free]
+    fine_residual = np.concatenate([comparison.residual for comparison in comparisons])
+    change = np.append(best.residual - fine_residual, np.zeros(len(best.prior)))
+    step = np.linalg.lstsq(J, change)[0]
+    shift[free] = step * rate[free] / standard_error
     return shift
 
 
 def model_of(study: Study, plan: FitPlan) -> FitModel:
-    """The study as a function of the numbers to find, on one mesh. Raises GeometryFailed."""
-    sigma = [
-        ESTIMATED * (float(np.ptp(c.values)) or float(np.max(np.abs(c.values))) or 1.0)
-        if c.noise is None
-        else c.noise
-        for c in (*plan.measured, *plan.given)
-    ]
-    noise = np.repeat(sigma[: len(plan.measured)], len(plan.measured[0].values))
-    held = plan.history is None or not plan.history.loose
-    level = level_of(study, plan.scene, plan.level, held)
+    """Return the study as a function of the parameters, on one mesh. Raises GeometryFailed."""
+    sigma = [_noise_of(column) for column in (*plan.measured, *plan.given)]
+    n_data = len(plan.measured[0].values)
+    is_restrained = plan.history is None or not plan.history.loose
     return FitModel(
         plan,
         SceneReader.of(study),
-        level,
-        noise,
-        sigma[-1] if plan.given else 1.0,
-        study.solver.tolerance,
+        level_of(study, plan.scene, plan.level, is_restrained),
+        noise=np.repeat(sigma[: len(plan.measured)], n_data),
+        given_noise=sigma[-1] if plan.given else 1.0,
+        tolerance=study.solver.tolerance,
     )
+
+
+def _noise_of(column: FitColumn) -> float:
+    """Return the standard deviation of a column, assumed where it is not given."""
+    if column.noise is not None:
+        return column.noise
+    size = float(np.ptp(column.values)) or float(np.max(np.abs(column.values)))
+    return ASSUMED_NOISE * (size or 1.0)
 
 
 def box_of(plan: FitPlan) -> Box:
-    """Where the numbers may lie."""
-    low, high, log = (
-        np.array([getattr(one, name) for one in plan.parameters]) for name in ("low", "high", "log")
-    )
+    """Return the bounds of the parameters."""
+    low = np.array([parameter.low for parameter in plan.parameters])
+    high = np.array([parameter.high for parameter in plan.parameters])
+    log = np.array([parameter.log for parameter in plan.parameters])
     return Box(low, high, log)
 
 
 def _fits(
     plan: FitPlan, tests: Tests, box: Box, progress: Progress
 ) -> tuple[list[Minimum], list[str]]:
-    """What the starts lead to, and why some lead nowhere."""
-    found, failures = list[Minimum](), list[str]()
-    first = np.array([one.start for one in plan.parameters])
-    for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
+    """Return the minima that the starts lead to, and the reasons why other starts lead nowhere."""
+    minima = list[Minimum]()
+    failures = list[str]()
+    first = np.array([parameter.start for parameter in plan.parameters])
+    for number, start in enumerate(box.starts(first, plan.starts, plan.seed), start=1):
         try:
-            one = (
-                smoothed(tests, start, box, plan)
-                if plan.smooth
-                else minimise(tests, start, box, plan.loss)
-            )
-            scale = np.where(box.log, one.p, np.maximum(np.abs(one.p), box.high - box.low))
-            size = np.linalg.norm(one.jacobian * scale, axis=0)
-            blind = [
-                a.number.name
-                for a, s in zip(plan.parameters, size, strict=True)
-                if s <= BLIND * size.max()
-            ]
-            if blind:
-                what = f"the data do not depend on {', '.join(blind)} there"
-                raise FitError(f"{what}; begin elsewhere, or leave it out of the fit")
+            if plan.smooth:
+                minimum = smoothed(tests, start, box, plan)
+            else:
+                minimum = minimise(tests, start, box, plan.loss)
+            _check_sensitivity(plan, minimum, box)
         except FitError as error:
             failures.append(str(error))
             continue
-        found.append(one)
-        progress(f"start {number + 1} of {plan.starts}: {one.evaluations} evaluations")
-        if settled(uncertainty(one, box, tests.groups, tests.known_noise)):
+        minima.append(minimum)
+        progress(f"start {number} of {plan.starts}: {minimum.evaluations} evaluations")
+        if settled(uncertainty(minimum, box, tests.groups, tests.known_noise)):
             break
-    if not found:
+    if not minima and plan.starts == 1:
+        raise FitError(failures[0])
+    if not minima:
+        raise FitError(f"no start led to a result: {failures[0]}")
+    return minima, failures
+
+
+def _check_sensitivity(plan: FitPlan, minimum: Minimum, box: Box) -> None:
+    """Raise FitError if the data do not depend on a parameter at a minimum."""
+    p = minimum.p
+    scale = np.where(box.log, p, np.maximum(np.abs(p), box.high - box.low))
+    size = np.linalg.norm(minimum.jacobian * scale, axis=0)
+    is_idle = size <= MIN_SENSITIVITY * size.max()
+    idle = [plan.parameters[i].number.name for i in np.flatnonzero(is_idle)]
+    if idle:
         raise FitError(
-            failures[0] if plan.starts == 1 else f"no start led to a result: {failures[0]}"
+            f"the data do not depend on {', '.join(idle)} there; "
+            "begin elsewhere, or leave it out of the fit"
         )
-    return found, failures
 
 
-def _found(
-    plan: FitPlan, tests: Tests, minima: list[list[Minimum]], found: list[Compared]
-) -> dict[str, Any]:
-    """What the file has by parameter, datum and start."""
-    best, box, columns = minima[0][0], box_of(plan), tests.columns
-    given = [
-        model.plan.given[0].values if model.plan.given else range(len(c.values))
-        for model, c in columns
-    ]
-    datum_given = np.concatenate(given).astype(float)
-    feet = [one.foot[:, 0] for one in found if len(one.foot)]
-    datum = np.concatenate([column.values for _, column in columns])
-    # shown is observed − fitted; what is minimised has the sign that its derivatives suit
-    predicted = np.concatenate([one.predicted for one in found])
-    values: dict[str, Any] = {
-        "parameter": np.array([one.number.name for one in plan.parameters], dtype=object),
-        "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
+def _parameter_values(plan: FitPlan, minima: list[list[Minimum]]) -> dict[str, Any]:
+    """Return what the file has by parameter and by start."""
+    best = minima[0][0]
+    names = [parameter.number.name for parameter in plan.parameters]
+    units = [parameter.number.units for parameter in plan.parameters]
+    return {
+        "parameter": np.array(names, dtype=object),
+        "parameter_units": np.array(units, dtype=object),
         "estimate": best.p,
-        "logarithmic": box.log,
-        "measured_column": np.concatenate(
-            [np.full(len(own), i, np.int32) for i, own in enumerate(tests.groups)]
-        ),
+        "logarithmic": box_of(plan).log,
+        "cost": np.array(best.costs),
+        "start_cost": np.array([group[0].cost for group in minima]),
+        "start_estimate": np.array([group[0].p for group in minima]),
+        "start_count": np.array([len(group) for group in minima], dtype=np.int32),
+    }
+
+
+def _data_values(
+    tests: Tests, comparisons: list[Comparison], best: Minimum, box: Box
+) -> dict[str, Any]:
+    """Return what the file has by datum, the measured columns one after the other."""
+    given = list[Array]()
+    for model, column in tests.columns:
+        rows = range(len(column.values))
+        given.append(np.array(model.plan.given[0].values if model.plan.given else rows))
+    datum_given = np.concatenate(given).astype(float)
+    datum = np.concatenate([column.values for _, column in tests.columns])
+    predicted = np.concatenate([comparison.predicted for comparison in comparisons])
+    feet = [comparison.foot[:, 0] for comparison in comparisons if len(comparison.foot)]
+    numbers = np.arange(len(tests.columns), dtype=np.int32)
+    return {
+        "measured_column": np.repeat(numbers, [len(group) for group in tests.groups]),
         "datum": datum,
         "datum_given": datum_given,
         "predicted": predicted,
         "predicted_given": np.concatenate(feet) if feet else datum_given,
+        # stored is observed − fitted; minimised is a residual whose sign suits its derivatives
         "residual": np.copysign(best.residual, datum - predicted),
         "jacobian": best.jacobian * box.rate(best.p),
         "noise": np.concatenate([model.noise for model in tests.models]),
-        "cost": np.array(best.costs),
-        "start_cost": np.array([same[0].cost for same in minima]),
-        "start_estimate": np.array([same[0].p for same in minima]),
-        "start_count": np.array([len(same) for same in minima], dtype=np.int32),
     }
-    if paths := [one.path for one in found if one.path is not None]:
-        gap = np.full((1, 2), np.nan)  # between the curves of two tests
-        curves = [part for path in paths for part in (path.curve, gap)][:-1]
-        firsts = np.cumsum([0, *(len(path.curve) + 1 for path in paths)])
-        folds = [first + path.folds for first, path in zip(firsts, paths, strict=False)]
-        values["curve_given"], values["curve_measured"] = np.concatenate(curves).T
-        values["fold_vertex"] = np.concatenate(folds).astype(np.int32)
-    return values
 
 
-def _told(plan: FitPlan, tests: Tests, said: Mapping[str, Any]) -> dict[str, Any]:
-    """What the file says of the fit as a whole."""
-    names, determined = (
-        [one.number.name for one in plan.parameters],
-        len(plan.parameters) - said["weak"],
-    )
-    words = [product(row, names) for row in said["singular_vector"]]
-    several = len(tests.models) > 1
-    measured = [
-        f"{c.name}{f' in {Path(model.plan.file).name}' if several else ''} [{c.units}]"
-        for model, c in tests.columns
-    ]
+def _curve_values(comparisons: list[Comparison]) -> dict[str, Any]:
+    """Return the curves of the tests one after the other, with a gap of NaN between two of them."""
+    paths = [comparison.path for comparison in comparisons if comparison.path is not None]
+    if not paths:
+        return {}
+    gap = np.full((1, 2), np.nan)
+    curves = list[Array]()
+    folds = list[NDArray[np.intp]]()
+    first = 0
+    for path in paths:
+        curves += [path.curve, gap]
+        folds.append(first + path.folds)
+        first += len(path.curve) + 1
+    given, measured = np.concatenate(curves[:-1]).T
+    return {
+        "curve_given": given,
+        "curve_measured": measured,
+        "fold_vertex": np.concatenate(folds).astype(np.int32),
+    }
+
+
+def _attributes(plan: FitPlan, tests: Tests, statistics: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the global attributes of the file."""
+    names = [parameter.number.name for parameter in plan.parameters]
+    combinations = [product(row, names) for row in statistics["singular_vector"]]
+    n_identified = len(names) - statistics["weak"]
+    files = [Path(model.plan.file).name for model in tests.models]
+    assumptions = [model.plan.assumed_noise for model in tests.models]
+    given = [f"{column.name} [{column.units}]" for column in plan.given]
+    measured = list[str]()
+    for model, column in tests.columns:
+        place = f" in {Path(model.plan.file).name}" if len(tests.models) > 1 else ""
+        measured.append(f"{column.name}{place} [{column.units}]")
     return {
         "compare": plan.compare,
         "loss": plan.loss,
-        "data_file": ", ".join(dict.fromkeys(Path(model.plan.file).name for model in tests.models)),
+        "data_file": ", ".join(dict.fromkeys(files)),
         "data_sha256": plan.sha256,
-        "given": "; ".join(f"{column.name} [{column.units}]" for column in plan.given),
+        "given": "; ".join(given),
         "measured": "; ".join(measured),
         "known_noise": np.int32(tests.known_noise),
-        "noise_assumed": "; ".join(
-            dict.fromkeys(filter(None, (model.plan.assumed_noise for model in tests.models)))
-        ),
+        "noise_assumed": "; ".join(dict.fromkeys(filter(None, assumptions))),
         "given_noise": tests.models[0].given_noise,
-        "not_determined": "; ".join(words[determined:]),
-        "determined": ", ".join(words[: max(1, determined)]),
+        "not_determined": "; ".join(combinations[n_identified:]),
+        "determined": ", ".join(combinations[: max(1, n_identified)]),
         "starts": np.int32(plan.starts),
     }
 
 
-def _law(plan: FitPlan, model: FitModel, best: Minimum, covariance: Array) -> dict[str, Array]:
-    """The fitted law over the slips of the data, with its standard error; empty where laws differ
-    along the line."""
+def _law_values(
+    plan: FitPlan, model: FitModel, best: Minimum, covariance: Array
+) -> dict[str, Array]:
+    """Return the fitted law over the slips of the data, with its standard error.
+
+    Empty where laws differ along the contact line.
+    """
     scene = model.scene(best.p)
     if len(scene.laws) != 1 or scene.laws[0].made is None:
         return {}
     law = scene.laws[0]
-    reach = 1.25 * float(np.max(np.abs(law.kinks), initial=0.0)) or 5.0 * law.s_scale
-    slips = np.linspace(0.0, reach or 1.0, LAW_PLACES)
+    max_slip = 1.25 * float(np.max(np.abs(law.kinks), initial=0.0)) or 5.0 * law.s_scale
+    slips = np.linspace(0.0, max_slip or 1.0, N_LAW_SLIPS)
     piece = law.piece(slips)
     numbers, chain = model.chain(best.p)
-    columns = [
-        law_slopes(law, number_of(one.path)).value(slips, piece)
-        if one.path[0] == "friction"
-        else np.zeros(LAW_PLACES)
-        for one in numbers
-    ]
-    rates = np.stack(columns, axis=1) @ chain * box_of(plan).rate(best.p)
-    error = np.sqrt(
-        np.maximum(np.einsum("sk,kl,sl->s", rates, np.nan_to_num(covariance), rates), 0.0)
-    )
-    return {"law_slip": slips, "law_traction": law.value(slips, piece), "law_error": error}
+    slopes = np.zeros((N_LAW_SLIPS, len(numbers)))
+    for j, number in enumerate(numbers):
+        if number.path[0] == "friction":
+            slopes[:, j] = law_slopes(law, number_of(number.path)).value(slips, piece)
+    rates = slopes @ chain * box_of(plan).rate(best.p)
+    variance = np.einsum("sk,kl,sl->s", rates, np.nan_to_num(covariance), rates)
+    return {
+        "law_slip": slips,
+        "law_traction": law.value(slips, piece),
+        "law_error": np.sqrt(np.maximum(variance, 0.0)),
+    }
 
 
 def roughness(plan: FitPlan) -> tuple[Array, Array]:
-    """(d, k) and (d,): D = rows p + constant, of all laws of which points are fitted."""
+    """Return D (d, k) and a constant (d,) with the roughness D p + constant of all fitted laws."""
     friction = plan.scene.friction
-    rows, constant = [np.zeros((0, len(plan.parameters)))], [np.zeros(0)]
-    for edge, law, _ in friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),):
-        place = ("friction", edge, POINTS) if edge else ("friction", POINTS)
-        own = {
-            int(one.number.path[-1]): j
-            for j, one in enumerate(plan.parameters)
-            if one.number.path[:-1] == place
-        }
-        if law.made is None or not own:
+    laws = friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
+    k = len(plan.parameters)
+    rows = [np.zeros((0, k))]
+    constants = [np.zeros(0)]
+    for edge, law, _ in laws:
+        prefix = ("friction", edge, POINTS) if edge else ("friction", POINTS)
+        parameters = dict[int, int]()  # number of a fitted point → its parameter
+        for j, parameter in enumerate(plan.parameters):
+            path = parameter.number.path
+            if path[:-1] == prefix:
+                parameters[int(path[-1])] = j
+        if law.made is None or not parameters:
             continue
-        s, b = (
-            np.array([point[i] for point in law.made.values[POINTS]], dtype=float) for i in (0, 1)
-        )
-        width = np.diff(s)
-        inner = (width[:-1] > 0.0) & (width[1:] > 0.0)  # no jump beside the point
-        slopes = np.diff(np.eye(len(s)), axis=0) / np.where(width > 0.0, width, 1.0)[:, None]
-        share = (
-            np.ptp(s) ** 1.5
-            / (np.max(np.abs(b)) or 1.0)
-            / np.sqrt(0.5 * (width[:-1] + width[1:])[inner])
-        )
-        bend = share[:, None] * np.diff(slopes, axis=0)[inner]
-        rows.append(np.zeros((len(bend), len(plan.parameters))))
-        rows[-1][:, list(own.values())] = bend[:, list(own)]
-        constant.append(np.delete(bend, list(own), axis=1) @ np.delete(b, list(own)))
-    return np.concatenate(rows), np.concatenate(constant)
+        points = [(point[0], point[1]) for point in law.made.values[POINTS]]
+        s, b = np.array(points, dtype=float).T
+        bend = _bend(s, b)
+        fitted = list(parameters)
+        law_rows = np.zeros((len(bend), k))
+        law_rows[:, list(parameters.values())] = bend[:, fitted]
+        rows.append(law_rows)
+        constants.append(np.delete(bend, fitted, axis=1) @ np.delete(b, fitted))
+    return np.concatenate(rows), np.concatenate(constants)
 
 
-def smoothed(
-    model: Callable[[Array], tuple[Array, Array]], start: Array, box: Box, plan: FitPlan
-) -> Minimum:
-    """The minimum from a start, with the weight of least cross-validation, from straight laws to
-    free ones."""
+def _bend(s: Array, b: Array) -> Array:
+    """Return (d, n) the scaled jumps of slope at inner points of a law, as a function of b (n,)."""
+    width = np.diff(s)
+    is_inner = (width[:-1] > 0.0) & (width[1:] > 0.0)  # no jump beside the point
+    slopes = np.diff(np.eye(len(s)), axis=0) / np.where(width > 0.0, width, 1.0)[:, None]
+    share = np.sqrt(0.5 * (width[:-1] + width[1:])[is_inner])
+    scale = np.ptp(s) ** 1.5 / (np.max(np.abs(b)) or 1.0) / share
+    return np.asarray(scale[:, None] * np.diff(slopes, axis=0)[is_inner])
+
+
+def smoothed(model: Model, start: Array, box: Box, plan: FitPlan) -> Minimum:
+    """Return the minimum from a start, with the weight of least cross-validation.
+
+    Weights fall, so that the search goes from straight laws to free ones.
+    """
     rows, constant = roughness(plan)
-    first, J = model(start)
-    size = float(np.sum((J * box.rate(start)) ** 2) / np.sum((rows * box.rate(start)) ** 2))
-    found: list[tuple[float, Minimum]] = []
+    residual, J = model(start)
+    n = len(residual)
+    rate = box.rate(start)
+    size = float(np.sum((J * rate) ** 2) / np.sum((rows * rate) ** 2))
+    minima = list[Minimum]()
+    scores = list[float]()
     p = start
-    for weight in size * DECADES:
+    for weight in size * SMOOTHING_WEIGHTS:
         root = np.sqrt(weight)
-
-        def penalised(p: Array, root: float = root) -> tuple[Array, Array]:
-            r, J = model(p)
-            return np.concatenate([r, root * (rows @ p + constant)]), np.concatenate(
-                [J, root * rows]
-            )
-
-        best = minimise(penalised, p, box, plan.loss, len(rows))
-        n, p = len(first), best.p
-        r, J, prior = best.residual[:n], best.jacobian[:n], root * rows * box.rate(p)
-        by_q = J * box.rate(p)
-        numbers = float(
-            np.trace(by_q @ np.linalg.lstsq(by_q.T @ by_q + prior.T @ prior, by_q.T)[0])
-        )
-        score = n * misfit(r, plan.loss) / max(n - numbers, 1e-300) ** 2
-        found.append(
-            (
-                score,
-                replace(best, residual=r, jacobian=J, prior=prior, weight=weight, numbers=numbers),
+        penalised = _penalised(model, rows, constant, root)
+        minimum = minimise(penalised, p, box, plan.loss, len(rows))
+        p = minimum.p
+        data_residual = minimum.residual[:n]
+        J = minimum.jacobian[:n]
+        prior = root * rows * box.rate(p)
+        n_effective = _effective_degrees(J * box.rate(p), prior)
+        freedom = max(n - n_effective, 1e-300)
+        scores.append(n * misfit(data_residual, plan.loss) / freedom**2)
+        minima.append(
+            replace(
+                minimum,
+                residual=data_residual,
+                jacobian=J,
+                prior=prior,
+                weight=weight,
+                numbers=n_effective,
             )
         )
-    chosen = min(found, key=lambda item: item[0])[1]
-    return replace(chosen, evaluations=sum(one.evaluations for _, one in found))
+    best = minima[scores.index(min(scores))]
+    return replace(best, evaluations=sum(minimum.evaluations for minimum in minima))
+
+
+def _effective_degrees(J: Array, prior: Array) -> float:
+    """Return tr A, A = J(JᵀJ + PᵀP)⁻¹Jᵀ."""
+    inverse_times_J = np.linalg.lstsq(J.T @ J + prior.T @ prior, J.T)[0]
+    return float(np.trace(J @ inverse_times_J))
+
+
+def _penalised(model: Model, rows: Array, constant: Array, root: float) -> Model:
+    """Return a model with the roughness, times the root of its weight, as further residuals."""
+
+    def penalised(p: Array) -> tuple[Array, Array]:
+        residual, J = model(p)
+        residual = np.concatenate([residual, root * (rows @ p + constant)])
+        return residual, np.concatenate([J, root * rows])
+
+    return penalised

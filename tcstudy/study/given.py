@@ -1,10 +1,9 @@
 """The loads that a study gives, wherever they enter: one walk over edges, sections and sweeps, over
 paths, histories, fits and their tables, and over an exact solution.
 
-What a load is follows from the scene that it makes: a value of a path, a step or a row of a table
-is put into its scene as the solver has it, and the numbers of that scene in which its load is
-affine are looked at (scene/parameters.py). A new load of an edge is walked over as soon as it is
-among these.
+A load is known from the scene that it makes: a value of a path, a step or a row of a table is put
+into its scene as the solver has it, and the numbers in which the load of that scene is affine are
+its loads (scene/parameters.py). A new load of an edge is found as soon as it is among these.
 """
 
 from __future__ import annotations
@@ -112,13 +111,12 @@ def _added(term: Term) -> Iterator[float]:
             terms += [(sign, part.parts[0]), (second, part.parts[1])]
 
 
-def loads(study: Study, apart: Range) -> Iterator[Load]:
+def loads(study: Study, of_interest: Range) -> Iterator[Load]:
     """Yield every load of a study, and every temperature that it measures or knows.
 
-    apart: a range of values of interest: of many values of one number the extremes are looked at,
-    and one within this range
+    of_interest: a range; of many values of a number the extremes are yielded, and one in this range
     """
-    for scene in loaded_scenes(study, apart):
+    for scene in loaded_scenes(study, of_interest):
         yield from _of_scene(scene)
     for test in (study, *study.tests):
         if test.fit is not None:
@@ -138,27 +136,30 @@ def written_key(keys: Keys) -> str:
     return ".".join(keys[1:] if keys[0] in SHORT_SECTIONS else keys)
 
 
-def loaded_scenes(study: Study, apart: Range) -> Iterator[Scene]:
-    """Yield the scenes that a run goes through: points of the sweep, or a path with the ends of its
-    parameter, or a load history or a fit with the extremes of their loads."""
+def loaded_scenes(study: Study, of_interest: Range) -> Iterator[Scene]:
+    """Yield the scenes that a run goes through.
+
+    These are points of the sweep, a path with the ends of its parameter, or a load history or a fit
+    with the extremes of their loads.
+    """
     if study.kind == "path" and study.path is not None:
         for value in (study.path.begin, study.path.end, *study.path.at):
             yield path_scene(study.path.scene, study.path.parameter, value)
         return
     for test in (study, *study.tests):
-        yield from walked_scenes(test, apart, *SECTIONS)
+        yield from walked_scenes(test, of_interest, *SECTIONS)
         if test.history is not None:
-            yield from _scenes_of(test.scenes[0], _history_values(test.history), apart)
+            yield from _scenes_of(test.scenes[0], _history_values(test.history), of_interest)
         if test.fit is not None:
-            yield from _scenes_of(test.fit.scene, _table_values(test.fit), apart)
+            yield from _scenes_of(test.fit.scene, _table_values(test.fit), of_interest)
 
 
 def _scenes_of(
-    scene: Scene, values: Mapping[Keys, Sequence[float]], apart: Range
+    scene: Scene, values: Mapping[Keys, Sequence[float]], of_interest: Range
 ) -> Iterator[Scene]:
     """Yield the scene with each of the telling values of its loads alone."""
     for keys, column in values.items():
-        for value in telling(column, apart):
+        for value in telling(column, of_interest):
             yield loaded_scene(scene, {keys: value})
 
 
@@ -183,27 +184,30 @@ def _temperatures_of_fit(fit: FitPlan) -> Iterator[Load]:
                 yield Load(parameter.number.name, value, TEMPERATURE)
 
 
-def telling(values: Iterable[float], apart: Range) -> list[float]:
+def telling(values: Iterable[float], of_interest: Range) -> list[float]:
     """Return the extremes of values, and the first of them within a range."""
     column = list(values)
     if not column:
         return []
-    within = [value for value in column if apart[0] <= value <= apart[1]]
+    within = [value for value in column if of_interest[0] <= value <= of_interest[1]]
     return list(dict.fromkeys([min(column), max(column), *within[:1]]))
 
 
-def walked_scenes(study: Study, apart: Range, *sections: str) -> Sequence[Scene]:
-    """Return a scene for each combination of sections of a sweep, of many points those with a
-    telling value of a swept parameter."""
+def walked_scenes(study: Study, of_interest: Range, *sections: str) -> Sequence[Scene]:
+    """Return a scene for each combination of sections of a sweep.
+
+    Of many points these are the points with a telling value of a swept parameter.
+    """
     if len(study.scenes) <= MAX_SCENES_WALKED:
         return distinct(study.scenes, *sections)
     rows = np.arange(len(study.scenes)).reshape(study.shape)
     chosen = {0: None}
     for number, axis in enumerate(study.axes):
-        numeric = not any(isinstance(label, str) for label in axis.labels)
-        labels = [float(one) for one in (axis.labels if numeric else range(len(axis.labels)))]
-        places = [labels.index(value) for value in telling(labels, apart)]
-        for place in places if numeric else range(len(labels)):
+        places: Iterable[int] = range(len(axis.labels))
+        if not any(isinstance(label, str) for label in axis.labels):
+            labels = [float(label) for label in axis.labels]
+            places = [labels.index(value) for value in telling(labels, of_interest)]
+        for place in places:
             row = rows.take(place, axis=number if study.mode == "grid" else 0)
             chosen[int(np.ravel(row)[0])] = None
     return [study.scenes[row] for row in chosen]

@@ -1,21 +1,22 @@
-"""Follow the load history of every sweep point, step by step, into its file; go on where a file
+"""Follow the load history of every sweep point, step by step, into its file; resume where a file
 ends.
 
-The condensed load is affine in what changes, so that it is computed at the ends of the lines only,
-and between them it lies on the straight line. All steps of all points share the mesh, and those of
-one material its factor.
+The condensed load is affine in what changes, so that it is computed at the ends of the ramps only;
+between them it lies on the straight line. All steps of all points share the mesh, and those of one
+material its factor.
 
-Of a sweep whole histories are work for workers, where these pay: each makes the mesh once and
-follows one point after the other; this process takes their steps in the order of the sweep and
+In a sweep, whole histories are work for workers, where these pay: each makes the mesh once and
+follows one point after the other. This process takes their steps in the order of the sweep and
 alone writes.
 
-Derivatives are differences of whole histories on the same mesh, all side by side. These are exact
-to rounding, and smooth in a number p but for events, where one-sided derivatives differ. With D± =
-±(f(p ± h) − f(p))/h at two steps h the part of D⁺ − D⁻ that stays as h → 0 is such a difference;
-what falls like h is curvature, which D at both steps gives on either side, also where an event lies
-between the steps of the other one. Of the values that either step gives that is taken which errs
-least. Where a number can only grow, or only fall, D is looked at on one side, at three steps: for a
-smooth f they lie on a line. What errs by more than AGREES is NaN.
+Derivatives are differences of whole histories on the same mesh, all side by side. The histories are
+exact to rounding, and smooth in a number p but for events, where one-sided derivatives differ. With
+D± = ±(f(p ± h) − f(p))/h at two steps h, the part of D⁺ − D⁻ that stays as h → 0 is such a
+difference. The part that falls like h is curvature, which D at both steps gives on either side,
+also where an event lies between the steps of the other side. Of the values that either step gives
+the one with the smallest error is taken. Where a number can only grow, or only fall, D is formed on
+one side, at three steps: for a smooth f they lie on a line. A value with an error above MAX_ERROR
+is NaN.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from contextlib import closing, suppress
 from dataclasses import fields, replace
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,19 +63,21 @@ from tcstudy.study.lint import warnings
 from tcstudy.study.run import Summary, level_of, level_record
 from tcstudy.study.workers import WorkerPool, history_resources, submit
 
+if TYPE_CHECKING:
+    from tcstudy.offline.requested_outputs import RequestedOutputs
+
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
 """Key path of k, the number of a memory."""
 FREE = ("history.steps", "history.repeat", *DECIDE_NOTHING)
-"""Keys in which a study may differ from that of the file it goes on from; the steps themselves are
-compared."""
-NAMES = {field.name for field in fields(HistoryStep)} - {"status", "reason"}
-
+"""Keys in which a study may differ from that of the file it resumes; the steps are compared."""
+STEP_FIELDS = {field.name for field in fields(HistoryStep)} - {"status", "reason"}
+"""Fields of a step that the file has."""
 
 HistoryWatcher = Callable[[int, int, int, int], None]
-"""Told after every step (point, points, step, steps)."""
+"""Called after every step with (point, points, step, steps)."""
 Steps = dict[tuple[int, int], BlockRecord]
-"""What is known by point and step, which is the level of its record."""
+"""Records by point and step; the level of a record is its step."""
 
 
 def execute_history(
@@ -86,239 +90,293 @@ def execute_history(
     dask: str | None = None,
     wait: bool = False,
 ) -> Summary:
-    """Follow the histories of a study and write their file; until it is there, a journal beside it
-    keeps what is done.
+    """Follow the histories of a study and write their file.
 
-    force: compute again what the file holds;  jobs, dask: as of a run;  wait: as of `Journal.open`
-    Returns how many points there are, how many histories ended early, and how many steps were there before.
-    Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
-    GeometryFailed if the body has no mesh, WorkersFailed if there are no workers.
+    Until the file is there, a journal beside it keeps the finished steps.
+    force: compute again what the file contains
+    jobs, dask: as of a run;  wait: as of `Journal.open`
+
+    Returns how many points there are, how many histories ended early, and how many steps were there
+    before. Raises HistoryError if the study has none, StoreError where the file contains something
+    else or cannot be written, GeometryFailed if the body has no mesh, WorkersFailed if there are no
+    workers.
     """
-    plan, points = study.history, len(study.scenes)
+    plan = study.history
     if plan is None:
         raise HistoryError(
             "the study has no section history; add history: {memory: friction, steps: [...]}"
         )
-    tell(remarks := warnings(study))
+    n_points = len(study.scenes)
+    remarks = warnings(study)
+    tell(remarks)
     if not force:
-        done, is_whole = _known(output, study)
-        if is_whole:
+        done, is_complete = _stored(output, study)
+        if is_complete:
             remove_finished(output, study)
-            return _summary(points, done, len(done))
+            return _summary(study, done, len(done))
     with (
         threadpool_limits(1, user_api="blas"),
-        closing(WorkerPool(jobs, dask)) as staff,
+        closing(WorkerPool(jobs, dask)) as pool,
         Journal.open(output, None, wait) as journal,
     ):
-        # looked at again: another process may have written it before the lock was taken
-        done, is_whole = (Steps(), False) if force else _known(output, study)
-        if is_whole:
-            return _summary(points, done, len(done))
+        # read again: another process may have written the file before the lock was taken
+        done, is_complete = (Steps(), False) if force else _stored(output, study)
+        if is_complete:
+            return _summary(study, done, len(done))
         journal.begin(study)
         tell(journal.warnings)
-        done |= _sound(journal.blocks())
-        before = len(done)
-        staff.ready(study)
+        done |= _without_errors(journal.blocks())
+        n_before = len(done)
+        pool.ready(study)
         clock = time.perf_counter()
         level = level_of(study, study.scenes[0], plan.level, not plan.loose)
-        built = time.perf_counter() - clock
-        for record in _steps(study, level, _ends(study, done), staff, built):
+        seconds = time.perf_counter() - clock
+        for record in _steps(study, level, _last_steps(study, done), pool, seconds):
             journal.add(record)
-            done[int(record.points[0]), record.level] = record
+            point = int(record.points[0])
+            done[point, record.level] = record
             if watcher is not None:
-                watcher(int(record.points[0]), points, record.level, plan.steps)
-        found = history_record(study, level_record(study, level.mesh, level), done.values())
+                watcher(point, n_points, record.level, plan.steps)
+        results = history_record(study, level_record(study, level.mesh, level), done.values())
         attributes = collect(study, command, remarks=remarks)
-        write_record(output, study, found, attributes, None if force else journal.seen)
+        write_record(output, study, results, attributes, None if force else journal.seen)
         journal.discard()
-    return _summary(points, done, before)
+    return _summary(study, done, n_before)
 
 
-def _summary(points: int, done: Steps, before: int) -> Summary:
-    return Summary(points, sum(one.status[0] != PointStatus.OK for one in done.values()), before)
+def _summary(study: Study, done: Steps, n_before: int) -> Summary:
+    failed = sum(record.status[0] != PointStatus.OK for record in done.values())
+    return Summary(len(study.scenes), failed, n_before)
 
 
-def _sound(records: Iterable[BlockRecord]) -> Steps:
-    """The steps but those that broke down by no number's fault, which are to be tried again."""
-    return {
-        (int(one.points[0]), one.level): one
-        for one in records
-        if one.status[0] != PointStatus.ERROR
-    }
+def _without_errors(records: Iterable[BlockRecord]) -> Steps:
+    """Return the steps without those that broke down unexpectedly, which are tried again."""
+    steps = Steps()
+    for record in records:
+        if record.status[0] != PointStatus.ERROR:
+            steps[int(record.points[0]), record.level] = record
+    return steps
 
 
-def _known(path: Path, study: Study) -> tuple[Steps, bool]:
+def _stored(path: Path, study: Study) -> tuple[Steps, bool]:
     """Return what a file has of this study, and whether that is all of it.
 
-    Raises StoreError if it has another one.
+    Raises StoreError if it has another study.
     """
     if not holds(path, "history", None):
         return {}, False
-    same = attributes(path)["study_sha256"] == study_sha256(study)
-    if not same and (
-        apart := differences(stored_study(path, study.source, "history"), study, FREE)
-    ):
-        raise StoreError(f"{path} holds the history of another study ({apart[0]}); {OTHER_OUTPUT}")
-    done = _sound(stored_steps(path, study))
-    return done, same and not any(_goes_on(study, last) for last in _ends(study, done))
+    is_same = attributes(path)["study_sha256"] == study_sha256(study)
+    if not is_same:
+        lines = differences(stored_study(path, study.source, "history"), study, FREE)
+        if lines:
+            raise StoreError(
+                f"{path} holds the history of another study ({lines[0]}); {OTHER_OUTPUT}"
+            )
+    done = _without_errors(stored_steps(path, study))
+    is_unfinished = any(_is_unfinished(study, step) for step in _last_steps(study, done))
+    return done, is_same and not is_unfinished
 
 
-def _ends(study: Study, done: Steps) -> list[BlockRecord | None]:
-    """The last step of every point that is known."""
-    last = {point: done[point, step] for point, step in sorted(done)}
-    return [last.get(point) for point in range(len(study.scenes))]
+def _last_steps(study: Study, done: Steps) -> list[BlockRecord | None]:
+    """Return the last finished step of every point."""
+    last_steps = {point: done[point, step] for point, step in sorted(done)}
+    return [last_steps.get(point) for point in range(len(study.scenes))]
 
 
-def _goes_on(study: Study, last: BlockRecord | None) -> bool:
-    """Whether there are steps to do after the last one known."""
+def _is_unfinished(study: Study, last_step: BlockRecord | None) -> bool:
+    """Return whether steps follow after the last finished one."""
     assert study.history is not None
-    return last is None or (last.status[0] == PointStatus.OK and last.level < study.history.steps)
+    if last_step is None:
+        return True
+    return bool(last_step.status[0] == PointStatus.OK and last_step.level < study.history.steps)
 
 
 def _steps(
-    study: Study, level: Level, ends: Sequence[BlockRecord | None], staff: WorkerPool, built: float
+    study: Study,
+    level: Level,
+    last_steps: Sequence[BlockRecord | None],
+    pool: WorkerPool,
+    seconds_of_level: float,
 ) -> Iterator[BlockRecord]:
-    """The steps after the last one known of every point, here, or all of a point at once by a
-    worker.
+    """Yield the steps after the last finished one of every point.
 
-    A worker gets the first scene as well, which makes the level. built: seconds that that took
+    They are found here, or all of a point at once by a worker, which makes the level itself.
     """
-    todo = [point for point, last in enumerate(ends) if _goes_on(study, last)]
-    each = history_resources(study, level.frames.n_dof, level.line.m)
-    who = staff.executor_of_calls([each] * len(todo), built)
-    if who is None:
-        for point in todo:
-            yield from _follow(study, level, study.scenes[point], point, ends[point])
+    points = [point for point, step in enumerate(last_steps) if _is_unfinished(study, step)]
+    resources = history_resources(study, level.frames.n_dof, level.line.m)
+    executor = pool.executor_of_calls([resources] * len(points), seconds_of_level)
+    if executor is None:
+        for point in points:
+            yield from _follow(study, level, study.scenes[point], point, last_steps[point])
         return
     key = study_sha256(study)
 
-    def sent(point: int) -> Future[list[BlockRecord]]:
+    def submitted(point: int) -> Future[list[BlockRecord]]:
+        # the first scene makes the level
         pair = replace(study, scenes=(study.scenes[0], study.scenes[point]))
         return submit(
-            who,
+            executor,
             follow_point,
             pair,
             key,
             point,
-            ends[point],
+            last_steps[point],
             name=f"history {point}",
-            seconds=each.seconds,
+            seconds=resources.seconds,
         )
 
-    for point, answer in zip(todo, in_order(who, map(sent, todo)), strict=True):
+    answers = in_order(executor, map(submitted, points))
+    for point, answer in zip(points, answers, strict=True):
         try:
             yield from answer.result()
         except UserFault:
             raise
         except Exception as error:  # as in `_follow`; of a worker that died
-            yield _broken(study, point, ends[point], error)
+            yield _failed_step(study, point, last_steps[point], error)
 
 
-_kept: dict[str, Level] = {}
+_level_of_worker: dict[str, Level] = {}
 """The level of a worker, by the study that it follows."""
 
 
-def follow_point(study: Study, key: str, point: int, last: BlockRecord | None) -> list[BlockRecord]:
-    """All steps of the second scene of a study after the last one known, on the level that the
-    first makes.
+def follow_point(
+    study: Study, key: str, point: int, last_step: BlockRecord | None
+) -> list[BlockRecord]:
+    """Return all steps of the second scene of a study after the last finished one.
 
-    key: of the whole study, whose level stays for the next point;  point: of its sweep
+    The first scene makes the level.
+    key: of the whole study, whose level is kept for the next point;  point: of its sweep
     """
     plan = study.history
     assert plan is not None
-    if key not in _kept:
-        _kept.clear()
-        _kept[key] = level_of(study, study.scenes[0], plan.level, not plan.loose)
-    return [*_follow(study, _kept[key], study.scenes[1], point, last)]
+    if key not in _level_of_worker:
+        _level_of_worker.clear()
+        _level_of_worker[key] = level_of(study, study.scenes[0], plan.level, not plan.loose)
+    return list(_follow(study, _level_of_worker[key], study.scenes[1], point, last_step))
 
 
-def _broken(study: Study, point: int, last: BlockRecord | None, error: Exception) -> BlockRecord:
-    """The step at which a history ends by this error."""
-    status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+def _failed_step(
+    study: Study, point: int, last_step: BlockRecord | None, error: Exception
+) -> BlockRecord:
+    """Return the step at which a history ends by this error."""
     if isinstance(error, NotPositiveDefinite | UnfitLaw):
         status, reason = PointStatus.SINGULAR, str(error)
-    return step_record(
-        study, point, 0 if last is None else last.level + 1, {"status": status}, reason
-    )
+    else:
+        status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+    number = 0 if last_step is None else last_step.level + 1
+    return step_record(study, point, number, {"status": status}, reason)
 
 
 def _follow(
-    study: Study, level: Level, scene: Scene, point: int, last: BlockRecord | None
+    study: Study, level: Level, scene: Scene, point: int, last_step: BlockRecord | None
 ) -> Iterator[BlockRecord]:
-    """Every step of a point after the last one known, up to one without a solution."""
-    plan, output, requested = study.history, study.output, None
+    """Yield every step of a point after the last finished one, up to one without a solution."""
+    plan = study.history
     assert plan is not None
     try:
         problem, loads = problem_of(plan, level, scene, study.solver.tolerance)
-        body, laws = problem.body, row_laws([problem.model.law], np.ones(1))
-        once = {"lambda_1": body.lambda_1, "lambda_1_error": body.A_error, "margin": problem.margin}
-        beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
-        if output.probes or output.quantities:
-            from tcstudy.offline.requested_outputs import (
-                RequestedOutputs,
-            )  # only for a study that asks for more
-
-            requested, at = RequestedOutputs(level, output), plan.loads()
-        first, start, before = 0, None, np.zeros(body.m)
-        if last is not None:  # as the next one needs it
-            own = {name: value for name, (value,) in last.numbers.items() if name in NAMES}
-            first, before = last.level + 1, last.numbers["u_T"][0]
-            start = HistoryStep(
-                **{"v": before, "load": loads[last.level], "plastic": 0.0 * before} | own
-            )
-        slopes = (
-            islice(step_derivatives(study, level, scene, point), first, None)
-            if output.sensitivity
-            else iter(())
-        )
-        for n, step in enumerate(history(problem, loads[first:], start), first):
-            found = once | vars(step) | {"status": STATUS[step.status], "u_T": step.v}
-            found |= {
-                "u_T_max": np.max(np.abs(step.v), initial=0.0),
-                "jumped": np.broadcast_to(step.jumped, body.m),
-            }
-            moved = np.abs(step.v - before) > AT_REST * max(
-                np.abs(step.v).max(initial=0.0), np.max(np.abs(before))
-            )
-            found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
-            lengths = region_lengths(level, laws, step.kappa[None], beside)
-            found |= {name: length for name, (length,) in lengths.items()}
-            found |= debonded_front(level.line, problem.model.law, step.kappa)
+        results = _StepResults(study, level, scene, problem)
+        first = 0
+        start: HistoryStep | None = None
+        previous_v = np.zeros(problem.body.m)
+        if last_step is not None:
+            first = last_step.level + 1
+            previous_v = last_step.numbers["u_T"][0]
+            start = _start_of(last_step, loads[last_step.level])
+        derivatives: Iterator[dict[str, float]] = iter(())
+        if study.output.sensitivity:
+            derivatives = islice(step_derivatives(study, level, scene, point), first, None)
+        for number, step in enumerate(history(problem, loads[first:], start), first):
+            values = results.values(number, step, previous_v)
             if step.solved:
-                found |= (
-                    requested.of(loaded_scene(scene, at[n]), step.v)
-                    if requested is not None
-                    else {}
-                )
-                found |= next(slopes, {})
-            last, before = step_record(study, point, n, found, step.reason), step.v
-            yield last
+                values |= next(derivatives, {})
+            last_step = step_record(study, point, number, values, step.reason)
+            previous_v = step.v
+            yield last_step
     except UserFault:
         raise
     except Exception as error:  # as of a block of points: one history must not end a sweep
-        yield _broken(study, point, last, error)
+        yield _failed_step(study, point, last_step, error)
+
+
+def _start_of(record: BlockRecord, load: Array) -> HistoryStep:
+    """Return a finished step as the next one needs it."""
+    stored = {name: row[0] for name, row in record.numbers.items() if name in STEP_FIELDS}
+    v = record.numbers["u_T"][0]
+    return HistoryStep(**{"v": v, "load": load, "plastic": 0.0 * v} | stored)
+
+
+class _StepResults:
+    """What the file has of the steps of one point."""
+
+    def __init__(self, study: Study, level: Level, scene: Scene, problem: HistoryProblem) -> None:
+        assert study.history is not None
+        self._level = level
+        self._scene = scene
+        self._problem = problem
+        self._laws = row_laws([problem.model.law], np.ones(1))
+        n_held = np.count_nonzero(level.line.unknowns < 0)
+        self._held = np.full((1, n_held), np.nan)
+        self._outputs: RequestedOutputs | None = None
+        if study.output.probes or study.output.quantities:
+            # imported only for a study that requests more
+            from tcstudy.offline.requested_outputs import RequestedOutputs
+
+            self._outputs = RequestedOutputs(level, study.output)
+            self._loads = study.history.loads()
+
+    def values(self, number: int, step: HistoryStep, previous_v: Array) -> dict[str, Any]:
+        """Return the values of a step by variable name.
+
+        previous_v: (m,) slips of the step before
+        """
+        body = self._problem.body
+        law = self._problem.model.law
+        slip = np.abs(step.v)
+        size = max(slip.max(initial=0.0), np.max(np.abs(previous_v)))
+        has_moved = np.abs(step.v - previous_v) > AT_REST * size
+        lengths = region_lengths(self._level, self._laws, step.kappa[None], self._held)
+        values = {
+            "lambda_1": body.lambda_1,
+            "lambda_1_error": body.A_error,
+            "margin": self._problem.margin,
+            **vars(step),
+            "status": STATUS[step.status],
+            "u_T": step.v,
+            "u_T_max": np.max(slip, initial=0.0),
+            "jumped": np.broadcast_to(step.jumped, body.m),
+            "friction_resultant": body.c @ step.xi,
+            "slip_length": body.c[has_moved].sum(),
+            **{name: row[0] for name, row in lengths.items()},
+            **debonded_front(self._level.line, law, step.kappa),
+        }
+        if step.solved and self._outputs is not None:
+            scene = loaded_scene(self._scene, self._loads[number])
+            values |= self._outputs.of(scene, step.v)
+        return values
 
 
 def problem_of(
     plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
 ) -> tuple[HistoryProblem, list[Array]]:
-    """What all steps of a scene share, and the loads l̃ of all steps. Raises
-    NotPositiveDefinite."""
-    at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
-    first = at[0].problem
+    """Return the problem that all steps of a scene share, and the loads l̃ of all steps.
+
+    Raises NotPositiveDefinite.
+    """
+    stations = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
+    first = stations[0].problem
     lambda_1 = None if plan.loose else level.lambda_1(scene)
     body = CondensedBody.known(
         first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose
     )
     line = level.line
-    names = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
-    problem = HistoryProblem(
-        body, MemoryModel(plan.memory, first.law, body.m, names), plan.branch, tolerance
-    )
-    return problem, plan.along([one.problem.l_tilde for one in at])
+    memory_of_node = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
+    model = MemoryModel(plan.memory, first.law, body.m, memory_of_node)
+    problem = HistoryProblem(body, model, plan.branch, tolerance)
+    return problem, plan.along([station.problem.l_tilde for station in stations])
 
 
-def followed(
+def follow_steps(
     plan: HistoryPlan,
     level: Level,
     scenery: SceneReader,
@@ -327,139 +385,149 @@ def followed(
     values: Mapping[Keys, float],
     point: int | None = None,
 ) -> Iterator[tuple[HistoryStep, float]]:
-    """Step 0 and all others of the scene with other numbers, with the mean θ of each; one that
-    fails is the last.
+    """Return step 0 and all others of the scene with other values, with the mean θ of each.
 
+    A step that fails is the last.
     values, point: as of `SceneReader.at`
     Raises StudyError, NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does
     not have.
     """
-    stiffness, scene = (
-        values.get(STIFFNESS, plan.memory.stiffness),
-        scenery.at(scene, values, point),
-    )
-    problem, loads = problem_of(
-        replace(plan, memory=replace(plan.memory, stiffness=stiffness)), level, scene, tolerance
-    )
-    means = [level.temperature(loaded_scene(scene, values)).mean for values in plan.stations()]
+    stiffness = values.get(STIFFNESS, plan.memory.stiffness)
+    changed_plan = replace(plan, memory=replace(plan.memory, stiffness=stiffness))
+    changed_scene = scenery.at(scene, values, point)
+    problem, loads = problem_of(changed_plan, level, changed_scene, tolerance)
+    means = list[float]()
+    for station in plan.stations():
+        means.append(level.temperature(loaded_scene(changed_scene, station)).mean)
     return zip(history(problem, loads), plan.along(means), strict=False)
 
 
 def step_derivatives(
     study: Study, level: Level, scene: Scene, point: int
 ) -> Iterator[dict[str, float]]:
-    """Of every step of a scene what its study asks for, by variable name; without what its law does
-    not have.
+    """Yield the requested derivatives of every step of a scene by variable name.
 
-    They begin with step 0 wherever the history goes on. Histories of other numbers that end early
-    have no more of them.
+    Those by a number that its law does not have are left out. The first are those of step 0,
+    wherever the history resumes. Histories of other values may end early; then the derivatives of
+    later steps are NaN.
     """
-    plan, scenery, tolerance, c = (
-        study.history,
-        SceneReader.of(study),
-        study.solver.tolerance,
-        level.line.c,
-    )
+    plan = study.history
     assert plan is not None
+    scenery = SceneReader.of(study)
 
-    def steps(values: Mapping[Keys, float]) -> Iterator[Array] | None:
-        """The STEP_QUANTITIES of all steps with these numbers, as far as they are solved; None if
-        they cannot be."""
+    def quantities(values: Mapping[Keys, float]) -> Iterator[Array] | None:
+        """Return the STEP_QUANTITIES of all solved steps with these values, None without any."""
         try:
-            found = followed(plan, level, scenery, scene, tolerance, values, point)
+            steps = follow_steps(plan, level, scenery, scene, study.solver.tolerance, values, point)
         except (StudyError, ValueError, NotPositiveDefinite):
             return None
+        c = level.line.c
         return (
-            np.array([np.max(np.abs(one.v), initial=0.0), c @ one.xi, mean])
-            for one, mean in found
-            if one.solved
+            np.array([np.max(np.abs(step.v), initial=0.0), c @ step.xi, mean])
+            for step, mean in steps
+            if step.solved
         )
 
     varied = dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
         with suppress(KeyError):  # a law of the sweep that has no such parameter
-            value, scale = _value(plan, level, scene, number)
-            up, down = (
-                [steps({number.path: value + way * h * scale}) for h in STEPS]
-                for way in (1.0, -1.0)
-            )
-            others = [*up, *down]
-            if not all(others):  # on the one side on which it can be
-                one, scale = (up, scale) if all(up) else (down, -scale)
-                others = [*one, steps({number.path: value + HALFWAY * scale})]
-            varied[number.name] = scale, [other or iter(()) for other in others]
-    for row in steps({}) or ():
-        found: dict[str, float] = {SLOPES_STATUS: DIFFERENTIABLE}
-        for name, (scale, each) in varied.items():
-            slopes = derivative(
-                row, np.array([next(one, np.full(len(row), np.nan)) for one in each]), scale
-            )
-            found |= {
-                name_of(q, name): float(x) for q, x in zip(STEP_QUANTITIES, slopes, strict=True)
-            }
-        if not np.all(np.isfinite(list(found.values()))):
-            found[SLOPES_STATUS] = AT_EVENT
-        yield found
+            value, scale = _value_and_scale(plan, level, scene, number)
+            path = number.path
+            above = [quantities({path: value + step * scale}) for step in STEPS]
+            below = [quantities({path: value - step * scale}) for step in STEPS]
+            histories = [*above, *below]
+            if not all(histories):  # on the one side on which the number can change
+                scale = scale if all(above) else -scale
+                middle = quantities({path: value + MIDDLE_STEP * scale})
+                histories = [*(above if all(above) else below), middle]
+            varied[number.name] = scale, [steps or iter(()) for steps in histories]
+    for row in quantities({}) or ():
+        values: dict[str, float] = {SLOPES_STATUS: DIFFERENTIABLE}
+        missing = np.full(len(row), np.nan)
+        for name, (scale, histories_of_number) in varied.items():
+            beside = np.array([next(steps, missing) for steps in histories_of_number])
+            slopes = derivative(row, beside, scale)
+            for quantity, slope in zip(STEP_QUANTITIES, slopes.tolist(), strict=True):
+                values[name_of(quantity, name)] = slope
+        if not np.all(np.isfinite(list(values.values()))):
+            values[SLOPES_STATUS] = AT_EVENT
+        yield values
 
 
 STEPS = (1e-4, 1e-5)
-"""Of a number, relative to its scale."""
-HALFWAY = 0.5 * (STEPS[0] + STEPS[1])
-"""The third step where there is but one side."""
-AGREES, SMALL = 2e-6, 1e-2
-"""Of a derivative, or of this part of f per scale if that is more, by which it may err."""
+"""Steps of a number, relative to its scale."""
+MIDDLE_STEP = 0.5 * (STEPS[0] + STEPS[1])
+"""The third step where the number can change on one side only."""
+MAX_ERROR = 2e-6
+"""Largest error of a derivative, relative to it."""
+MIN_DERIVATIVE = 1e-2
+"""Derivative to which the error is related at least, relative to f per scale."""
 
 
 def derivative(middle: Array, beside: Array, scale: float) -> Array:
-    """(n,) df/dp from f (n,) at p and f beside it; NaN where there is none.
+    """Return (n,) df/dp from f (n,) at p and f beside it; NaN where there is none.
 
     beside: (4, n) at p + STEPS and at p − STEPS times the scale of p; or (3, n) at p + STEPS and
-    HALFWAY, scale < 0
-            where p can only fall
+            MIDDLE_STEP, scale < 0 where p can only fall
     """
-    one, other = STEPS
     if len(beside) == 4:
-        h = np.array(STEPS)[:, None] * scale
-        plus, minus = (beside[:2] - middle) / h, (middle - beside[2:]) / h
-        (far, near), apart = 0.5 * (plus + minus), plus - minus
-        above, below = ((side[0] - side[1]) * other / (one - other) for side in (plus, -minus))
-        bend = np.array([0.0 * above, above + below, 2.0 * above, 2.0 * below])
-        values, errors = (
-            np.array([far, *(near + 0.0 * bend)]),
-            np.array([apart[0], *(apart[1] - bend)]),
-        )
+        values, errors = _two_sided(middle, beside, scale)
     else:
-        far, near, between = (beside - middle) / (np.array([*STEPS, HALFWAY])[:, None] * scale)
-        values = ((one * near - other * far) / (one - other))[None]
-        errors = (between - 0.5 * (far + near))[None]
+        values, errors = _one_sided(middle, beside, scale)
     errors = np.where(np.isfinite(errors), np.abs(errors), np.inf)
-    at = np.argmin(errors, axis=0), np.arange(errors.shape[1])
-    value, error = values[at], errors[at]
-    return np.where(
-        error <= AGREES * np.maximum(np.abs(value), SMALL * np.abs(middle / scale)), value, np.nan
-    )
+    best = np.argmin(errors, axis=0)
+    columns = np.arange(errors.shape[1])
+    value = values[best, columns]
+    size = np.maximum(np.abs(value), MIN_DERIVATIVE * np.abs(middle / scale))
+    return np.where(errors[best, columns] <= MAX_ERROR * size, value, np.nan)
 
 
-def _value(
+def _two_sided(middle: Array, beside: Array, scale: float) -> tuple[Array, Array]:
+    """Return (5, n) central differences and their errors, with curvature from either side."""
+    large, small = STEPS
+    h = np.array(STEPS)[:, None] * scale
+    plus = (beside[:2] - middle) / h
+    minus = (middle - beside[2:]) / h
+    at_large, at_small = 0.5 * (plus + minus)
+    gap_at_large, gap_at_small = plus - minus
+    above = (plus[0] - plus[1]) * small / (large - small)
+    below = (minus[1] - minus[0]) * small / (large - small)
+    curvature = np.array([0.0 * above, above + below, 2.0 * above, 2.0 * below])
+    values = np.array([at_large, *(at_small + 0.0 * curvature)])
+    errors = np.array([gap_at_large, *(gap_at_small - curvature)])
+    return values, errors
+
+
+def _one_sided(middle: Array, beside: Array, scale: float) -> tuple[Array, Array]:
+    """Return (1, n) extrapolated one-sided differences and their errors."""
+    large, small = STEPS
+    h = np.array([*STEPS, MIDDLE_STEP])[:, None] * scale
+    at_large, at_small, at_middle = (beside - middle) / h
+    values = (large * at_small - small * at_large) / (large - small)
+    errors = at_middle - 0.5 * (at_large + at_small)
+    return values[None], errors[None]
+
+
+def _value_and_scale(
     plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity
 ) -> tuple[float, float]:
-    """(value, scale) of a number; of a load at least that which is as much as friction bears.
+    """Return value and scale of a number; a load has at least the scale that friction can bear.
 
     Raises KeyError for a number that the scene does not have.
     """
     if number.path == STIFFNESS:
-        return (float(plan.memory.stiffness or 0.0),) * 2
+        stiffness = float(plan.memory.stiffness or 0.0)
+        return stiffness, stiffness
     value: float = dict(numbers(scene))[number.path].value  # type: ignore[assignment]
-    size, law, units = (
-        abs(value),
-        level.law(scene),
-        {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale},
-    )
+    scale = abs(value)
     if is_load(number.path):
-        right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(
-            change_of(level, scene, number)
-        )
+        body = WholeBody(level, scene, np.zeros(level.line.m))
+        right = body.right_side(change_of(level, scene, number))
         change = np.max(np.abs(right), initial=0.0)
-        size = max(size, law.b_scale * float(np.max(level.line.c)) / change if change else size)
-        return value, size or 1.0
-    return value, size or units.get(number.units, 0.0) or level.lambda_1(scene)
+        if change:
+            bearable = level.law(scene).b_scale * float(np.max(level.line.c))
+            scale = max(scale, bearable / change)
+        return value, scale or 1.0
+    law = scene.laws[0]
+    scale_of_units = {"1": 1.0, "Pa": law.b_scale, "m": law.s_scale}
+    return value, scale or scale_of_units.get(number.units, 0.0) or level.lambda_1(scene)

@@ -65,7 +65,7 @@ def assert_richardson(
 ) -> None:
     """The Jacobian by these numbers is that of differences."""
     for j in numbers:
-        ends = [[follow.compared(p * (1.0 + sign * h * np.eye(len(p))[j])).residual for sign in (1.0, -1.0)]
+        ends = [[follow.compare(p * (1.0 + sign * h * np.eye(len(p))[j])).residual for sign in (1.0, -1.0)]
                 for h in (1e-4, 2e-4)]  # fmt: skip
         fine, coarse = (
             (up - down) / (2.0 * h * p[j]) for (up, down), h in zip(ends, (1e-4, 2e-4), strict=True)
@@ -84,7 +84,7 @@ def test_distances_through_folds_change_as_differences_say(tmp_path: Path) -> No
     data = pulled(12) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(12, 2)))
     follow = model(study_of(tmp_path, data, {"maxh: 5 mm": "maxh: 12 mm", **YOUNG}))
     p = np.array([6.5e6, 42.24e9, 0.18e-3])
-    assert_richardson(follow, p, follow.compared(p).jacobian, range(3))
+    assert_richardson(follow, p, follow.compare(p).jacobian, range(3))
 
 
 @pytest.mark.parametrize("compare", ["orthogonal", "vertical"])
@@ -100,7 +100,7 @@ def test_a_name_of_the_study_is_fitted_through_all_that_is_made_of_it(
         "maxh: 5 mm": "maxh: 10 mm",
     }
     follow, p = model(study_of(tmp_path, pulled(12)[:6], named)), np.array([5e6, 0.2e-3])
-    assert_richardson(follow, p, follow.compared(p).jacobian, [0], 1e-7)
+    assert_richardson(follow, p, follow.compare(p).jacobian, [0], 1e-7)
     with pytest.raises(StudyError, match="no section uses spare"):
         study_of(tmp_path, pulled(12)[:6], named | {"friction.tau_s: {": "spare: {"})
 
@@ -244,7 +244,7 @@ def test_distances_to_the_curve_of_an_exponential_film(tmp_path: Path) -> None:
     data = curved(12) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(12, 2)))
     follow = model(study_of(tmp_path, data, FILM | YOUNG | {"maxh: 5 mm": "maxh: 10 mm"}))
     p = np.array([9e6, 42.24e9, 0.12e-3])
-    here, finer = follow.compared(p), replace(follow, law_error=1e-4).compared(p)
+    here, finer = follow.compare(p), replace(follow, law_error=1e-4).compare(p)
     assert_richardson(follow, p, here.jacobian, range(3))
     assert finer.residual == pytest.approx(here.residual, rel=1e-9, abs=1e-9)
     size = np.max(np.abs(here.jacobian), axis=0)

@@ -136,7 +136,7 @@ def test_a_smooth_law_is_nearer_to_the_true_one(tmp_path: Path, bent: bool, fact
     delta = 1e-3 * np.linspace(5.0, 210.0, 16)
     own = by_points(tmp_path, delta, delta, smooth=False)
     assert own.fit is not None
-    P = 1e-3 * model_of(own, own.fit).compared(truth).predicted + 2.2 * np.random.default_rng(
+    P = 1e-3 * model_of(own, own.fit).compare(truth).predicted + 2.2 * np.random.default_rng(
         1
     ).normal(size=16)
     free, smooth = (fit(by_points(tmp_path, P, delta, one)) for one in (False, True))
@@ -223,7 +223,7 @@ def test_tests_decide_together_what_none_decides_alone(tmp_path: Path) -> None:
     for one in (together, *together.tests):
         assert one.fit is not None
         rates = (
-            model_of(one, one.fit).compared(found.values["estimate"]).jacobian
+            model_of(one, one.fit).compare(found.values["estimate"]).jacobian
             * found.values["estimate"]
         )
         precision += rates.T @ rates
@@ -288,7 +288,7 @@ def test_results_at_factors_are_those_of_the_loads_themselves(tmp_path: Path) ->
     factors, found = np.array([0.2, 0.5, 1.0]), []
     for given, size in (("load", 1.0), ("boundary.right.g_x", 180.0)):
         tests, p = strip_and_numbers(tmp_path, given, "u", size * factors, TAU_0)
-        found.append(tests.models[0].compared(p).predicted)
+        found.append(tests.models[0].compare(p).predicted)
     np.testing.assert_allclose(*found, rtol=1e-12)
 
 

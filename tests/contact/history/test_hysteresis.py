@@ -10,7 +10,7 @@ from tcstudy.contact.history.steps import hysteresis
 from tcstudy.contact.path.follow import ParametricProblem
 from tcstudy.laws import shapes as laws
 from tcstudy.laws.composed import nodal
-from tcstudy.study.history_run import HALFWAY, STEPS, derivative
+from tcstudy.study.history_run import MIDDLE_STEP, STEPS, derivative
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, random_path_problem
 
@@ -61,7 +61,7 @@ def both(f: Function, p: float) -> tuple[float, float]:
     """By both sides, and from above alone, at p in units of p."""
     middle = np.array([f(p)])
     above, below = (
-        np.array([[f(p * (1.0 + way * h))] for h in (*STEPS, HALFWAY)]) for way in (1.0, -1.0)
+        np.array([[f(p * (1.0 + way * h))] for h in (*STEPS, MIDDLE_STEP)]) for way in (1.0, -1.0)
     )
     beside = np.concatenate([above[:2], below[:2]])
     return float(derivative(middle, beside, p)[0]), float(derivative(middle, above, p)[0])
