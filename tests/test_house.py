@@ -115,7 +115,7 @@ def test_no_files_need_each_other() -> None:
     TopologicalSorter(arrows).prepare()  # names the circle, if there is one
 
 
-REPORTS = ("", "terminal", "figures", "page", "export")
+REPORTS = ("", "terminal", "export", "figures", "page")
 """The rooms of reports, each of which may use those before it; the first is what is read and said
 for all."""
 

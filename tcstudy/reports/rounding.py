@@ -178,7 +178,7 @@ def stored_study(about: Mapping[str, Any], swept: bool = True) -> Study | None:
 
 
 MAX_SCENES = 2_000
-"""Points whose scenes a summary reads, 0.1 ms each; of more, the scene outside the sweep is read."""
+"""Points whose scenes are read, 0.1 ms each; of more, only the scene outside the sweep is read."""
 
 
 def floors_of(data: Any) -> Floors:

@@ -42,7 +42,7 @@ def test_pandas_reads_the_table_to_the_bit(
     assert found["rows"][1]["energy"] == wanted["energy"].loc[(0.0, "weak", 1)]
     whole = file.read_bytes()
     monkeypatch.setattr(
-        "tcstudy.reports.export.VALUES", 1
+        "tcstudy.reports.export.MAX_VALUES", 1
     )  # in memory at a time: the rows of one label
     write_table(stored("block"), file)
     assert file.read_bytes() == whole
