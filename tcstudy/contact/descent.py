@@ -1,30 +1,28 @@
-"""Descent of many problems at once on one body: a globalised separable Newton method for 0 ∈ Ãv −
-l̃ + ∂Ψ(v).
+"""Descent of many problems at once on one body: a globalised separable Newton method.
 
-Ψ(v) = Σ c_i j(v_i) is separable: what is nonsmooth are the law's own exact one-dimensional pieces.
+Problem: 0 ∈ ∂L̃(v) = Ãv − l̃ + ∂Ψ(v)
+
+Ψ(v) = Σ c_i j(v_i) is separable: all that is nonsmooth are the law's exact one-dimensional pieces.
 One step of a row
-  1. rests the nodes whose one-sided slopes hold them on an up-jump (left ≤ 0 ≤ right),
+  1. lets the nodes stick whose one-sided slopes hold them on an up-jump (left ≤ 0 ≤ right),
   2. solves Newton's equations on the pieces of all others (newton.py),
-  3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts
-    by Armijo's
-     rule on the exact energy difference; if the path gives no decrease within a few halvings,
-  4. goes along the step that each node would take by itself, which lowers the energy once it is
-    short enough,
+  3. goes along that direction, where each node stops on the first up-jump that it would cross, and
+     accepts by Armijo's rule on the exact energy difference,
+  4. if a few halvings give no decrease, goes along the step that each node would take alone, which
+     lowers the energy once it is short enough,
   5. after several such or shortened steps goes to the minimum of a convex model (convex_step), by
-    interior points:
-     under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4 settle few nodes
-     at a time.
+     interior points: under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4
+     settle few nodes at a time.
 Every accepted step lowers L̃, so no iterate returns and cycles are impossible. Where energies can
-no longer tell two points apart the residual judges, and a row ends with the best point that it has
-seen. A point at which no node descends is first-order stationary in every direction, because L̃′(v;
-d) is the sum of the nodes' one-sided slopes; one that fails the second-order test is left, on
-request, along a direction of negative curvature.
+no longer tell two points apart the residual judges. A row ends with the best point that it has
+seen. A point at which no node descends is first-order stationary in every direction, because
+L̃′(v; d) is the sum of the nodes' one-sided slopes. One that fails the second-order test is left,
+on request, along a direction of negative curvature.
 
-What counts as a solution: ξ_i/c_i ∈ b̂(v_i) *and* left_i ≤ 0 ≤ right_i at every node. On an up-jump
-and inside a piece both say the same. On a down-jump (concave kink) the inclusion alone would also
-admit local maxima of a node's energy; there one side always descends and the method leaves. So what
-it finds is a local minimum (up to a singular matrix), not every solution; solutions of other kinds
-are the business of path following.
+A solution has ξ_i/c_i ∈ b̂(v_i) *and* left_i ≤ 0 ≤ right_i at every node. On an up-jump and inside
+a piece both say the same. On a down-jump (concave kink) the inclusion alone would also admit local
+maxima of a node's energy; there one side always descends and the method leaves. So the method finds
+a local minimum (up to a singular matrix), not every solution. Path following finds the others.
 
 Literature: Gräser & Kornhuber, J. Comput. Math. 27 (2009) 1–44 (truncated nonsmooth Newton, convex
 case); Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton).
@@ -39,6 +37,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.newton import ROUNDINGS, Slopes, convex_step, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import Place
 
 Array = NDArray[np.float64]
@@ -46,33 +45,50 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-12
-"""Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
+"""Residual that descent aims at; tcstudy/scene/study.py says up to which one is accepted."""
 _COARSE_TOLERANCE = 1e-6
-"""Of the coarse problem of nested iteration; and from where on Newton's method converges, if
-rounding lets it."""
-_STEPS, _SADDLES, _HALVINGS, _SHORTEST, _ARMIJO = 300, 20, 4, 40, 1e-4
-"""Steps at most, saddles that are left at most, halvings of Newton's step and of the other one, and
-the share of the first-order decrease that a step must realise."""
+"""Residual on coarse bodies; below it Newton's method converges, if rounding lets it."""
+_MAX_STEPS = 300
+"""Steps of a descent."""
+_MAX_SADDLES = 20
+"""Saddles that a descent to a minimum leaves."""
+_NEWTON_HALVINGS = 4
+"""Halvings of Newton's step."""
+_ALONE_HALVINGS = 40
+"""Lengths that are tried of the step that each node would take alone."""
+_ARMIJO_SHARE = 1e-4
+"""Share of the first-order decrease that a step must realise."""
 _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
-_FLAT, _IDLE = 1e-11, 10
-"""Part of the work of ξ by which a step must change the energy, or else lower the residual; steps
-in a row that may do neither, as where rounding of Ãv is all that is left (bodies that friction
-alone holds, or ones with soft ways). All steps that do not lower the residual count once it is
-small, and whole ones in a descent over no barrier."""
-_POLISHED = 3
+_FLAT = 1e-11
+"""Part of the work of ξ by which a step must change the energy, or else lower the residual."""
+_MAX_IDLE_STEPS = 10
+"""Steps in a row that may do neither.
+
+This happens where rounding of Ãv is all that is left: bodies that friction alone holds, or ones
+with soft directions. Once the residual is small, all steps that do not lower it count; in a descent
+over no barrier, all whole ones.
+"""
+_MAX_LEVEL_STEPS = 3
 """Steps at rounding level that may follow each other as long as they lower the residual."""
-_PATIENCE, _PUT_OFF = 6, 20
-"""Slow steps (shortened, or not Newton's) before the minimum of a convex model is gone to, and more
-of them where that was of no use."""
-_CREEPS, _LONGER = 20, 4
-"""Steps of a descent over no barrier after which it is helped out of flat places, and how much
-longer it may take."""
+_MAX_SLOW_STEPS = 6
+"""Slow steps (shortened, or not Newton's) before the minimum of a convex model is tried."""
+_MODEL_PAUSE = 20
+"""More of them after a convex model that was of no use."""
+_CREEPING_STEPS = 20
+"""Steps of a descent over no barrier after which a row is helped out of a flat place."""
+_DOWNHILL_FACTOR = 4
+"""Factor of _MAX_STEPS in a descent over no barrier."""
 
 
 @dataclass(frozen=True, eq=False)
 class Descended:
-    """Ends of R descents: v (R, m) [m], first-order residual (R,), steps taken (R,)."""
+    """Ends of R descents.
+
+    v:        (R, m) best points [m]
+    residual: (R,) their first-order residuals
+    steps:    (R,) steps taken
+    """
 
     v: Array
     residual: Array
@@ -88,74 +104,85 @@ def descend(
 ) -> Descended:
     """Descend from `start` (R, m) until the residual is at most `tolerance`.
 
-    minima:   go on from stationary points that fail the second-order test, which costs a factorisation a row
-    downhill: along ways on which the energy falls all along: to the well that is nearest downhill, over no barrier
-              (Armijo's rule takes any lower point, also one behind a barrier); for laws of straight
-              pieces
+    minima:   go on from stationary points that fail the second-order test, which costs a
+              factorisation a row
+    downhill: only along ways on which the energy falls throughout: to the well that is nearest
+              downhill, over no barrier (Armijo's rule takes any lower point, also one behind a
+              barrier); for laws of straight pieces
     """
     ended = _descend(rows, start, tolerance, minima, downhill)
-    open_ = np.flatnonzero(ended.residual <= tolerance) if minima else np.empty(0, dtype=np.intp)
-    for _ in range(_SADDLES if len(open_) else 0):
-        own, v = rows.take(open_), ended.v[open_]
-        xi = own.xi(v)
-        v, left = leave_saddles(own, v, xi, slopes(own, v, xi))
-        open_ = open_[left]
-        if not len(open_):
+    if not minima:
+        return ended
+    stationary = np.flatnonzero(ended.residual <= tolerance)
+    for _ in range(_MAX_SADDLES):
+        if not len(stationary):
             break
-        again = _descend(rows.take(open_), v[left], tolerance, minima, downhill)
-        ended.v[open_], ended.residual[open_] = again.v, again.residual
-        ended.steps[open_] += again.steps + 1
-        open_ = open_[again.residual <= tolerance]
+        tested = rows.take(stationary)
+        v = ended.v[stationary]
+        xi = tested.xi(v)
+        v, is_saddle = leave_saddles(tested, v, xi, slopes(tested, v, xi))
+        saddles = stationary[is_saddle]
+        if not len(saddles):
+            break
+        again = _descend(rows.take(saddles), v[is_saddle], tolerance, minima, downhill)
+        ended.v[saddles] = again.v
+        ended.residual[saddles] = again.residual
+        ended.steps[saddles] += again.steps + 1
+        stationary = saddles[again.residual <= tolerance]
     return ended
 
 
 def _descend(
     rows: ContactProblem, start: Array, tolerance: float, careful: bool, downhill: bool
 ) -> Descended:
-    """Newton's method to a first-order stationary point; careful: as newton.directions has it."""
+    """Run Newton's method to first-order stationary points; careful: as in newton.directions."""
     count = len(start)
-    best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
-    at, v = np.arange(count), start
-    polished, slow, idle = (np.zeros(count, dtype=np.intp) for _ in range(3))
-    most = _LONGER * _STEPS if downhill else _STEPS
-    patience = (
-        4 * _CREEPS if downhill and rows.law.omega > 0.0 else _IDLE
-    )  # no law that does not fall lets steps creep
-    for step in range(most + 1):
+    best = start.copy()
+    residual = np.full(count, np.inf)
+    steps_taken = np.zeros(count, dtype=np.intp)
+    max_steps = _DOWNHILL_FACTOR * _MAX_STEPS if downhill else _MAX_STEPS
+    # steps creep only under laws that soften
+    creeps = downhill and rows.law.omega > 0.0
+    max_idle_steps = 4 * _CREEPING_STEPS if creeps else _MAX_IDLE_STEPS
+    v = start
+    row = np.arange(count)  # those that still descend
+    level_steps, slow_steps, idle_steps = np.zeros((3, count), dtype=np.intp)
+    for n in range(max_steps + 1):
         xi = rows.xi(v)
         s = slopes(rows, v, xi)
-        better = s.residual < residual[at]
-        best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
-        idle[better] = 0
-        going = (
-            (s.residual > tolerance)
-            & (polished < _POLISHED)
-            & ((polished == 0) | better)
-            & (idle < patience)
-        )
-        if step == most or not np.any(going):
+        is_better = s.residual < residual[row]
+        better_row = row[is_better]
+        best[better_row] = v[is_better]
+        residual[better_row] = s.residual[is_better]
+        steps_taken[row] = n
+        idle_steps[is_better] = 0
+        goes_on = s.residual > tolerance
+        goes_on &= (level_steps == 0) | (is_better & (level_steps < _MAX_LEVEL_STEPS))
+        goes_on &= idle_steps < max_idle_steps
+        if n == max_steps or not np.any(goes_on):
             break
-        if not np.all(going):
-            on = np.flatnonzero(going)
-            s, rows, at = s.take(on), rows.take(on), at[on]
-            v, xi, polished, slow, idle = v[on], xi[on], polished[on], slow[on], idle[on]
-        new, level, whole, flat = _step(rows, v, xi, s, careful)
-        for i in np.flatnonzero((slow >= _PATIENCE) & ~level):
-            target = _on_model(rows.single(int(i)), v[i], xi[i])
-            new[i], slow[i] = (new[i], -_PUT_OFF - 1) if target is None else (target, -1)
+        if not np.all(goes_on):
+            on = np.flatnonzero(goes_on)
+            rows, row = rows.take(on), row[on]
+            v, xi, s = v[on], xi[on], s.take(on)
+            level_steps, slow_steps, idle_steps = level_steps[on], slow_steps[on], idle_steps[on]
+        step = _step(rows, v, xi, s, careful)
+        for i in np.flatnonzero((slow_steps >= _MAX_SLOW_STEPS) & ~step.is_level):
+            target = _toward_model(rows.single(int(i)), v[i], xi[i])
+            if target is None:
+                slow_steps[i] = -_MODEL_PAUSE - 1
+            else:
+                step.v[i] = target
+                slow_steps[i] = -1
         if downhill:
-            for i in np.flatnonzero(~level):
-                if step % _CREEPS == _CREEPS - 1:
-                    new[i] = _out_of_flat(
-                        rows.take(np.array([i])), v[[i]], xi[[i]], s.take(np.array([i]))
-                    )
-                else:
-                    new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], new[i])
-        v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
-        idle = np.where(
-            flat | (residual[at] <= _COARSE_TOLERANCE) | (whole & downhill), idle + 1, 0
-        )
-    return Descended(best, residual, taken)
+            is_helped = n % _CREEPING_STEPS == _CREEPING_STEPS - 1
+            _stay_downhill(rows, v, xi, s, step, is_helped)
+        v = step.v
+        level_steps = np.where(step.is_level, level_steps + 1, 0)
+        slow_steps = np.where(step.is_whole, 0, slow_steps + 1)
+        is_idle = step.is_flat | (residual[row] <= _COARSE_TOLERANCE) | (step.is_whole & downhill)
+        idle_steps = np.where(is_idle, idle_steps + 1, 0)
+    return Descended(best, residual, steps_taken)
 
 
 def descend_nested(
@@ -165,8 +192,9 @@ def descend_nested(
     minima: bool = False,
     coarse: float = _COARSE_TOLERANCE,
 ) -> Descended:
-    """`descend` from the interpolated solution of the coarser body where that has less energy than
-    `start`, and so on.
+    """Descend from the solution of the coarser body, or from `start` (R, m) where that is lower.
+
+    The coarser body is solved likewise; its solution is interpolated.
 
     coarse: tolerance on the coarser bodies
     """
@@ -174,68 +202,86 @@ def descend_nested(
     if copies is not None:
         ended = descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse)
         v = ended.v @ rows.body.P.T
-        lower = rows.energy(v) < rows.energy(start)
-        start = np.where(lower[:, None], v, start)
+        is_lower = rows.energy(v) < rows.energy(start)
+        start = np.where(is_lower[:, None], v, start)
     return descend(rows, start, tolerance, minima)
 
 
-def _step(
-    rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool
-) -> tuple[Array, Flags, Flags, Flags]:
-    """Of every row: next v, whether its residual is rounding, the step was whole, the step changed
-    nothing."""
-    d, length = _newton(rows, v, s, careful), 1.0
-    new, (level, whole, flat), todo = v.copy(), np.zeros((3, len(v)), dtype=bool), np.arange(len(v))
-    for halving in range(_HALVINGS + _SHORTEST):
-        if halving == _HALVINGS + 1:
-            d, length = _relaxed(rows, s.descent), 1.0
-        if halving in (0, _HALVINGS + 1):
-            first_order, stop = np.where(d > 0.0, s.right, s.left), rows.law.next_up_jump(s.at, d)
-        x, direction, end = v[todo], length * d[todo], stop[todo]
-        target = x + direction
-        reached = np.where(direction > 0.0, target >= end, target <= end) & (direction != 0.0)
-        target = np.where(reached, end, target)
-        at = Place(s.at.piece[todo], s.at.on[todo])
-        change, work = (rows if halving == 0 else rows.take(todo)).energy_change(
-            x, target, xi[todo], at
-        )
-        needed = _ARMIJO * np.abs(np.einsum("ri,ri->r", first_order[todo], target - x))
-        accepted = (change < 0.0) & (change <= -needed)
-        within = ~accepted & (np.abs(change) <= _ROUNDING * work) & (halving == 0)
-        if np.any(within):  # and residuals are no more than rounding of the largest terms of ξ
-            terms = (
-                np.diagonal(rows.body.A_tilde) * np.abs(x)
-                + np.abs(rows.l_tilde[todo])
-                + np.abs(xi[todo])
-            )
-            rounding = (
-                np.finfo(float).eps
-                * np.max(terms / rows.body.c, axis=1, initial=0.0)
-                / rows.scale(xi)[todo]
-            )
-            within &= s.residual[todo] <= ROUNDINGS * rounding
-        taken = accepted | within
-        new[todo[taken]], level[todo[within]], whole[todo[taken]] = (
-            target[taken],
-            True,
-            halving == 0,
-        )
-        flat[todo[taken]] = (np.abs(change) <= _FLAT * work)[taken] & (halving == 0)
-        todo, length = todo[~taken], 0.5 * length
-        if not len(todo):
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One step of R rows.
+
+    v:        (R, m) the points that it leads to
+    is_level: (R,) the residual is rounding
+    is_whole: (R,) it is Newton's step, not shortened
+    is_flat:  (R,) the energy hardly changes, or no length lowers it
+    """
+
+    v: Array
+    is_level: Flags
+    is_whole: Flags
+    is_flat: Flags
+
+
+def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -> _Step:
+    """Return the first of the shorter and shorter steps of every row that lowers the energy."""
+    step = _Step(v.copy(), *np.zeros((3, len(v)), dtype=bool))
+    waiting = np.arange(len(v))
+    d = _newton(rows, v, s, careful)
+    length = 1.0
+    for halving in range(_NEWTON_HALVINGS + _ALONE_HALVINGS):
+        if halving == _NEWTON_HALVINGS + 1:
+            d = _alone(rows, s.descent)
+            length = 1.0
+        if halving in (0, _NEWTON_HALVINGS + 1):
+            slope = np.where(d > 0.0, s.right, s.left)
+            stop = rows.law.next_up_jump(s.at, d)
+        tried = rows if halving == 0 else rows.take(waiting)
+        x = v[waiting]
+        move = length * d[waiting]
+        end = stop[waiting]
+        target = x + move
+        reaches_end = np.where(move > 0.0, target >= end, target <= end) & (move != 0.0)
+        target = np.where(reaches_end, end, target)
+        at = Place(s.at.piece[waiting], s.at.on[waiting])
+        change, work = tried.energy_change(x, target, xi[waiting], at)
+        needed = _ARMIJO_SHARE * np.abs(np.einsum("ri,ri->r", slope[waiting], target - x))
+        is_accepted = (change < 0.0) & (change <= -needed)
+        if halving == 0:
+            is_level = ~is_accepted & (np.abs(change) <= _ROUNDING * work)
+            if np.any(is_level):
+                rounding = _residual_rounding(rows, x, xi)
+                is_level &= s.residual <= ROUNDINGS * rounding
+            step.is_level[is_level] = True
+            is_accepted |= is_level
+            step.is_whole[is_accepted] = True
+            step.is_flat[is_accepted] = (np.abs(change) <= _FLAT * work)[is_accepted]
+        step.v[waiting[is_accepted]] = target[is_accepted]
+        waiting = waiting[~is_accepted]
+        length *= 0.5
+        if not len(waiting):
             break
-    flat[todo] = True
-    return new, level, whole, flat
+    step.is_flat[waiting] = True
+    return step
 
 
-def _relaxed(rows: ContactProblem, descent: Array) -> Array:
-    """The step that each node would take by itself: it descends, where Newton's may not, once it is
-    short enough."""
+def _residual_rounding(rows: ContactProblem, v: Array, xi: Array) -> Array:
+    """Return (R,) what rounding of the largest terms of ξ leaves of the residual."""
+    terms = np.diagonal(rows.body.A_tilde) * np.abs(v) + np.abs(rows.l_tilde) + np.abs(xi)
+    largest = np.max(terms / rows.body.c, axis=1, initial=0.0)
+    return np.asarray(np.finfo(float).eps * largest / rows.scale(xi))
+
+
+def _alone(rows: ContactProblem, descent: Array) -> Array:
+    """Return the steps that each node would take alone.
+
+    They lead down where Newton's may not, once they are short enough.
+    """
     return np.asarray(-descent / np.diagonal(rows.body.A_tilde))
 
 
 def _newton(rows: ContactProblem, v: Array, s: Slopes, careful: bool) -> Array:
-    """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
+    """Return (R, m) Newton directions; nodes on a jump that would go uphill stay."""
     free = s.free
     stiffness = np.where(free, rows.body.c * rows.law.slope(v, s.piece), 0.0)
     d = directions(rows.body, free, stiffness, s.descent, careful)
@@ -243,91 +289,139 @@ def _newton(rows: ContactProblem, v: Array, s: Slopes, careful: bool) -> Array:
     return d
 
 
-# -- what a row does by itself where Newton's steps are slow
-# ----------------------------------------
+# -- steps of a row alone where Newton's are slow or jump over a barrier ---------------------------
 
 
-def _on_model(problem: ContactProblem, v: Array, xi: Array) -> Array | None:
-    """The first of the step lengths 1, ½, ¼ … towards the minimum of the convex model that lowers
-    the energy."""
+def _toward_model(problem: ContactProblem, v: Array, xi: Array) -> Array | None:
+    """Return the first lower point of 1, ½, ¼ … of the way to the minimum of the convex model."""
     minimum = convex_step(problem, v)
     if minimum is None:
         return None
-    for halving in range(_HALVINGS + 1):
+    for halving in range(_NEWTON_HALVINGS + 1):
         target = minimum if halving == 0 else v + 0.5**halving * (minimum - v)
         if problem.energy_change(v, target, xi)[0] < 0.0:
             return target
     return None
 
 
-def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
-    """Where one row (1, m) is helped to where its steps creep: along the negative curvature, to the
-    end of the piece.
+def _stay_downhill(
+    rows: ContactProblem, v: Array, xi: Array, s: Slopes, step: _Step, is_helped: bool
+) -> None:
+    """Let every row of `step` end where its energy first stops falling.
 
-    Without one Newton's own step, however flat the energy is, as far as it falls.
+    is_helped: the rows creep, so look for a way out of a flat place
     """
-    new, left = leave_saddles(row, v, xi, s)
-    if left[0]:
-        return np.asarray(new[0])
-    return _first_rest(
-        row.single(0), v[0], xi[0], s.descent[0], v[0] + _newton(row, v, s, careful=True)[0]
-    )
+    for i in np.flatnonzero(~step.is_level):
+        if is_helped:
+            one = np.array([i])
+            step.v[i] = _out_of_flat(rows.take(one), v[one], xi[one], s.take(one))
+        else:
+            step.v[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], step.v[i])
+
+
+def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
+    """Return where the negative curvature at v (1, m) leads one row: to the end of the piece.
+
+    Without negative curvature Newton's own step, however flat the energy is, as far as it falls.
+    """
+    target, is_saddle = leave_saddles(row, v, xi, s)
+    if is_saddle[0]:
+        return np.asarray(target[0])
+    target = v + _newton(row, v, s, careful=True)
+    return _first_rest(row.single(0), v[0], xi[0], s.descent[0], target[0])
 
 
 def _first_rest(
     problem: ContactProblem, v: Array, xi: Array, descent: Array | None, target: Array
 ) -> Array:
-    """Where on the straight way to `target` the energy first stops falling (m,).
+    """Return (m,) where on the straight way to `target` the energy first stops falling.
 
-    On that of `_relaxed` if it rises at once.
-
-    Where it bends down along the way, as beside a fold where Newton's steps on a convex model
-    creep, the way goes on to
-    the end of the pieces.
-    On straight pieces the slope of the energy along the way is a line between the kinks that nodes
-    pass; a node that
-    stops on a kink is there to the bit.
+    If it rises at once, the same on the way of `_alone`. Where it bends down along the way, as
+    beside a fold where Newton's steps on a convex model creep, the way goes on to the end of the
+    pieces. On straight pieces the slope of the energy along the way is a line between the kinks
+    that nodes pass. A node that stops on a kink is there to the bit.
     """
-    law, c, step = problem.law, problem.c, target - v
+    law, c = problem.law, problem.c
+    step = target - v
     piece = np.where(step > 0.0, law.piece(v, +1), law.piece(v, -1))
-    if np.any(step) and not step @ (problem.A_tilde @ step + c * law.slope(v, piece) * step) > 0.0:
-        end = np.where(step > 0.0, law.upper.take(piece), law.lower.take(piece))
-        with np.errstate(over="ignore"):
-            reach = np.divide(end - v, step, out=np.full(len(v), np.inf), where=step != 0.0)
-        furthest = int(np.argmin(reach))
-        if 1.0 < reach[furthest] < np.inf:
-            target = v + reach[furthest] * step
-            target[furthest] = end[furthest]
-            step = target - v
+    bend = _bend(problem, v, piece, step)
+    if np.any(step) and not bend > 0.0:
+        target = _end_of_pieces(law, piece, v, target)
+        step = target - v
+        bend = _bend(problem, v, piece, step)
+    crossings = _crossings(problem, v, step)
+    starts = np.append(0.0, crossings.share)
+    curvature = bend + np.append(0.0, np.cumsum(crossings.bend))
+    rise = curvature * np.diff(np.append(starts, 1.0))
+    first_slope = step @ (c * law.value(v, piece) - xi)
+    slope = first_slope + np.append(0.0, np.cumsum(rise[:-1] + crossings.jump))
+    k = int(np.argmax(slope + rise > 0.0))
+    if not slope[k] + rise[k] > 0.0:
+        return target
+    if slope[k] < 0.0:
+        return np.asarray(v + (starts[k] - slope[k] / curvature[k]) * step)
+    if k > 0:
+        rest = np.asarray(v + crossings.share[k - 1] * step)
+        rest[crossings.node[k - 1]] = crossings.kink[k - 1]
+        return rest
+    if descent is None:
+        return v
+    return _first_rest(problem, v, xi, None, v + _alone(problem, descent))
+
+
+def _bend(problem: ContactProblem, v: Array, piece: Index, step: Array) -> float:
+    """Return the second derivative of the energy along `step`."""
+    stiffness = problem.c * problem.law.slope(v, piece)
+    return float(step @ (problem.A_tilde @ step + stiffness * step))
+
+
+def _end_of_pieces(law: Laws, piece: Index, v: Array, target: Array) -> Array:
+    """Return the target, moved on to where the first node leaves its piece if that lies behind."""
+    step = target - v
+    end = np.where(step > 0.0, law.upper.take(piece), law.lower.take(piece))
+    with np.errstate(over="ignore"):
+        reach = np.divide(end - v, step, out=np.full(len(v), np.inf), where=step != 0.0)
+    node = int(np.argmin(reach))
+    if 1.0 < reach[node] < np.inf:
+        target = v + reach[node] * step
+        target[node] = end[node]
+    return target
+
+
+@dataclass(frozen=True, eq=False)
+class _Crossings:
+    """Kinks that nodes pass on a straight way, (K,) each in the order of the way.
+
+    share: part of the way behind each;  jump, bend: what each adds to the slope of the energy along
+    the way and to its second derivative
+    """
+
+    node: Index
+    kink: Array
+    share: Array
+    jump: Array
+    bend: Array
+
+
+def _crossings(problem: ContactProblem, v: Array, step: Array) -> _Crossings:
+    tables = problem.law.tables
+    index = problem.law.node_index(problem.m)
     moving = np.flatnonzero(step)
-    tables, index = law.tables, law.node_index(problem.m)
     kinks = tables.kinks[index[moving]]
     shares = (kinks - v[moving, None]) / step[moving, None]
-    row, kink = np.nonzero((shares > 0.0) & (shares < 1.0))
-    order = np.argsort(shares[row, kink], kind="stable")
-    row, kink = row[order], kink[order]
-    node, s, at = moving[row], kinks[row, kink], shares[row, kink]
-    kink, on = tables.first[index[node]] + kink, (step[node] > 0.0).astype(np.intp)
-    weight = c[node] * step[node]
-    jump = weight * (tables.value(s, kink + on) - tables.value(s, kink + 1 - on))
-    bend = weight * step[node] * (tables.slope(s, kink + on) - tables.slope(s, kink + 1 - on))
-    begins = np.append(0.0, at)
-    curvature = step @ (problem.A_tilde @ step + c * law.slope(v, piece) * step) + np.append(
-        0.0, np.cumsum(bend)
+    row, column = np.nonzero((shares > 0.0) & (shares < 1.0))
+    order = np.argsort(shares[row, column], kind="stable")
+    row, column = row[order], column[order]
+    node = moving[row]
+    kink = kinks[row, column]
+    weight = problem.c[node] * step[node]
+    is_forward = (step[node] > 0.0).astype(np.intp)
+    before = tables.first[index[node]] + column + 1 - is_forward
+    after = tables.first[index[node]] + column + is_forward
+    return _Crossings(
+        node,
+        kink,
+        shares[row, column],
+        jump=weight * (tables.value(kink, after) - tables.value(kink, before)),
+        bend=weight * step[node] * (tables.slope(kink, after) - tables.slope(kink, before)),
     )
-    rise = curvature * np.diff(np.append(begins, 1.0))
-    first = step @ (c * law.value(v, piece) - xi) + np.append(0.0, np.cumsum(rise[:-1] + jump))
-    k = int(np.argmax(first + rise > 0.0))
-    if not first[k] + rise[k] > 0.0:
-        return target
-    if first[k] < 0.0:
-        return np.asarray(v + (begins[k] - first[k] / curvature[k]) * step)
-    if k == 0:
-        return (
-            v
-            if descent is None
-            else _first_rest(problem, v, xi, None, v + _relaxed(problem, descent))
-        )
-    found = v + at[k - 1] * step
-    found[node[k - 1]] = s[k - 1]
-    return np.asarray(found)
