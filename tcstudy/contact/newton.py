@@ -1,35 +1,36 @@
-"""One-sided slopes, Newton's equations for many rows at once, ways out of saddles, and a step by a
-convex model.
+"""One-sided slopes, Newton's equations of many rows, ways out of saddles, a step by a convex model.
 
 Newton's equations of a row, (A_FF + C b′_F) d_F = −g_F on its free nodes F, are solved on the
-smaller of two sides: on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′ ≠
-0:
+smaller of two sides: on F, or, with the compliance G = Ã⁻¹, on the nodes K that stick or have
+b′ ≠ 0:
 
-    y = −G g,   (G_KK + D) z = y_K,   d = y − G z,   D = 1/(c b′) on sliding nodes of K, 0 on resting ones.
+    y = −G g,   (G_KK + D) z = y_K,   d = y − G z,   D = 1/(c b′) on slipping nodes of K, else 0.
 
 A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′
 (Sylvester's law of inertia on both Schur complements of one block matrix). Where it is not, the
-falls of b are lifted to zero, since Ã alone is positive definite.
+negative slopes of b are lifted to zero, since Ã alone is positive definite.
 
-Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck,
-and a direction d with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end
-so.
+Where A_FF + C b′ of a stationary point is not positive definite, the point is hardly ever a
+minimum. A direction d with dᵀ(A_FF + C b′)d ≤ 0 leads down from it. Rows are treated one at a time,
+since few end so.
 
 The convex model of L̃ knows all rising pieces and up-jumps of b; its minimum is found by interior
 points. Newton's steps and the moves of single nodes settle few nodes at a time where the body
-couples all of them strongly (Ã dense and badly conditioned); an interior point method settles all
+couples all of them strongly (Ã dense and badly conditioned). An interior point method settles all
 together, in some twenty factorisations whatever their number. The model at v: b = b_↑ + rest, where
 b_↑ has the up-jumps of b and its slopes where they are positive, and the rest, which only falls,
-stays what it is at v:
+keeps its value at v:
 
     min over w  ½wᵀÃw − (l̃ − c·rest)ᵀw + Σ c_i j_↑(w_i)
 
-For a law that nowhere falls this is the problem itself; else −j of the rest bends up, so that the
-model lies above L̃ and its minimum is no higher than v. The law b_↑ is a sum of elements: a line of
-the least slope, and for each up-jump or steeper piece a force e in [0, h] that grows as the slip
-passes s:
+For a law that nowhere softens this is the problem itself. Otherwise −j of the rest bends up, so
+that the model lies above L̃ and its minimum is no higher than v. The law b_↑ is a sum of elements: a
+line of the least slope, and for each up-jump or steeper piece a force e in [0, h] that grows as the
+slip passes s:
 
-    w_i − s = γ e + x⁺ − x⁻,   0 ≤ e ⟂ x⁻ ≥ 0,   0 ≤ h − e ⟂ x⁺ ≥ 0      (γ = 0 for a jump, 1/slope for a piece)
+    w_i − s = γ e + x⁺ − x⁻,   0 ≤ e ⟂ x⁻ ≥ 0,   0 ≤ h − e ⟂ x⁺ ≥ 0
+
+with γ = 0 for a jump and 1/slope for a piece.
 
 Method: Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992) 575–601; e and x are eliminated,
 so that each step costs one Cholesky factor of Ã plus a diagonal.
@@ -38,11 +39,10 @@ so that each step costs one Cholesky factor of Ã plus a diagonal.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
@@ -52,70 +52,91 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+MAX_STACKED = 24
+"""Unknowns up to which linear systems are stacked for one call."""
+MAX_TRUSTED = 64
+"""Unknowns up to which systems with negative slopes of b are solved before they are lifted."""
+_STACK_WIDTH = 8
+"""Stacked systems are padded to multiples of this."""
+_NEGLIGIBLE_SLOPE = 2.0**-60
+"""Part of the diagonal of Ã below which a slope of b is rounding beside it."""
+_PROXIMAL = 1e-6
+"""Stiffness that restrains a body that nothing else does, as part of the diagonal of Ã."""
+ROUNDINGS = 64.0
+"""Decreases of energy below so many roundings of the work of ξ count as rounding."""
+_INDEFINITE_COST = 1.5
+"""Cost of a symmetric indefinite factorisation in Cholesky factorisations."""
+_SADDLE_STEPS = (1.0, 0.25, 0.05)
+"""Parts of the way to the first kink that are tried along negative curvature."""
+_MAX_INTERIOR_STEPS = 80
+"""Steps of the interior point method."""
+_TO_BOUNDARY = 0.995
+"""Part of the way to the boundary that each of them goes at most."""
+_COMPLEMENTARITY = 1e-14
+"""Complementarity, relative to its first value, that ends them."""
+_MIN_INTERIOR_STEP = 1e-6
+"""Length of a step at which they fail."""
+_USEFUL_COMPLEMENTARITY = 1e-3
+"""Complementarity, relative to its first value, up to which their end is of use."""
+
 
 def with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
-    """M[nodes, nodes] + diag `added`."""
+    """Return M[nodes, nodes] + diag `added`."""
     matrix = M.take(nodes, axis=0).take(nodes, axis=1)  # faster than one fancy index
     matrix.reshape(-1)[:: len(nodes) + 1] += added
     return matrix
 
 
 def cholesky(matrix: Array) -> tuple[Array, int]:
-    """Lower factor of a symmetric C-ordered matrix (overwritten) and LAPACK's info (0 if positive
-    definite)."""
+    """Return the lower factor and LAPACK's info, 0 if the matrix is positive definite.
+
+    matrix: (n, n) symmetric in C order; it is overwritten
+    """
     factor, info = scipy.linalg.lapack.dpotrf(matrix.T, lower=1, clean=0, overwrite_a=1)
     return factor, int(info)
 
 
 def factor_free(A_tilde: Array, free: Index, added: Array) -> tuple[Array, int]:
-    """Cholesky factor of A_FF + diag `added` and LAPACK's info (0 if positive definite)."""
-    return cholesky(with_diagonal(A_tilde, free, added)) if len(free) else (np.zeros((0, 0)), 0)
+    """Return the Cholesky factor of A_FF + diag `added` and LAPACK's info."""
+    if not len(free):
+        return np.zeros((0, 0)), 0
+    return cholesky(with_diagonal(A_tilde, free, added))
 
 
 def negative_curvature(A_tilde: Array, free: Index, added: Array) -> Array | None:
-    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite.
+    """Return (n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite.
 
     Where the factorisation breaks down at a pivot, d solves the equations of the nodes before it.
     """
     diagonal = np.diagonal(A_tilde)[free]
+    d = np.zeros(len(free))
     if np.any(diagonal + added <= 0.0):
-        return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
+        d[np.argmin((diagonal + added) / diagonal)] = 1.0
+        return d
     factor, info = factor_free(A_tilde, free, added)
     if info == 0:
         return None
-    k, direction = info - 1, np.zeros(len(free))
-    direction[k] = 1.0
-    if k:
+    k = info - 1
+    d[k] = 1.0
+    if k > 0:
         row = A_tilde[free[k], free[:k]]
-        direction[:k] = -scipy.linalg.lapack.dpotrs(
-            np.asfortranarray(factor[:k, :k]), row, lower=1
-        )[0]
-    return direction
+        leading = np.asfortranarray(factor[:k, :k])
+        d[:k] = -scipy.linalg.lapack.dpotrs(leading, row, lower=1)[0]
+    return d
 
 
-STACKED, TRUSTED = 24, 64
-"""Up to so many unknowns linear systems are stacked for one call, and systems with falls of b taken
-as they are."""
-_WIDTH = 8
-"""Stacked systems are padded to multiples of this."""
-_NOTHING = 2.0**-60
-"""Part of the diagonal of Ã below which slopes of b are nothing beside it."""
-_PROXIMAL = 1e-6
-"""What holds a body that nothing else holds, of the diagonal of Ã."""
-ROUNDINGS = 64.0
-"""Decreases of energy below so many roundings of the work of ξ count as rounding."""
-_INDEFINITE_COST = 1.5
-"""What a symmetric indefinite factorisation costs, in Cholesky factorisations."""
+# -- slopes ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """One-sided first-order information at v, (m,) or (R, m) each.
 
-    at:          where v sits
+    at:          place of v among the pieces
     left, right: derivatives of L̃ in v_i from both sides [N/m]
-    descent:     the steeper descending one of both (the derivative itself where L̃ is smooth), 0 at rest
-    jump:        v_i sits bitwise on a jump of b
+    descent:     the steeper descending one of both, 0 if the node sticks; the derivative itself
+                 where L̃ is smooth
+    jump:        v_i sits to the bit on a jump of b
     residual:    max |descent|/c over the scale of b, (R,) of rows
     """
 
@@ -128,12 +149,12 @@ class Slopes:
 
     @property
     def at_rest(self) -> Flags:
-        """Nodes on an up-jump that hold: left ≤ 0 ≤ right."""
+        """Nodes that an up-jump holds: left ≤ 0 ≤ right."""
         return self.jump & (self.descent == 0.0)
 
     @property
     def free(self) -> Flags:
-        """All others."""
+        """Nodes that no up-jump holds."""
         return ~self.at_rest
 
     @property
@@ -142,309 +163,454 @@ class Slopes:
         return self.at.toward(self.descent <= 0.0)
 
     def take(self, rows: Index) -> Slopes:
-        """The named rows."""
-        at = Place(self.at.piece[rows], self.at.on[rows])
-        left, right, descent = self.left[rows], self.right[rows], self.descent[rows]
-        return Slopes(at, left, right, descent, self.jump[rows], self.residual[rows])
+        """Return the numbered rows."""
+        return Slopes(
+            Place(self.at.piece[rows], self.at.on[rows]),
+            self.left[rows],
+            self.right[rows],
+            self.descent[rows],
+            self.jump[rows],
+            self.residual[rows],
+        )
 
 
 def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
-    """Slopes c b(v∓0) − ξ of L̃."""
+    """Return the slopes c b(v∓0) − ξ of L̃."""
     law, c = problem.law, problem.c
     at = law.locate(v)
     left = c * law.value(v, at.piece) - xi
-    right, jump = left, np.zeros(v.shape, dtype=bool)
     if np.any(at.on):
         right = np.where(at.on, c * law.value(v, at.piece + at.on) - xi, left)
         jump = law.kind(at) != BEND
+    else:
+        right = left
+        jump = np.zeros(v.shape, dtype=bool)
     descent = steeper(left, right, jump)
     residual = np.max(np.abs(descent) / c, axis=-1, initial=0.0) / problem.scale(xi)
     return Slopes(at, left, right, descent, jump, residual)
 
 
 def steeper(left: Array, right: Array, jump: Flags) -> Array:
-    """The steeper descending one of two slopes at a jump of b, 0 at rest; the derivative
-    elsewhere."""
-    climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
+    """Return the steeper descending slope at jumps of b, 0 where none descends.
+
+    Elsewhere the derivative.
+    """
+    climb_right = np.maximum(-right, 0.0)
+    climb_left = np.maximum(left, 0.0)
     return np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
+
+
+# -- Newton's equations ----------------------------------------------------------------------------
 
 
 def directions(
     body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False
 ) -> Array:
-    """(R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere, k = `stiffness` = c b′ [N/m per m].
+    """Return (R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere.
 
-    Rows in which that matrix is not positive definite get the k lifted to at least 0; of small
-    systems only those whose d does not descend.
+    Rows in which that matrix is not positive definite get k lifted to at least 0. Of small systems
+    only those get it whose d does not descend.
 
-    careful: also of small systems all
+    stiffness: k = c b′ [N/m per m]
+    careful:   lift in all small systems, too
     """
-    loaded = free & (np.abs(stiffness) > _NOTHING * np.diagonal(body.A_tilde))
+    loaded = free & (np.abs(stiffness) > _NEGLIGIBLE_SLOPE * np.diagonal(body.A_tilde))
     held = ~free | loaded
-    d, size = np.zeros(free.shape), np.count_nonzero(free, axis=1)
-    other = np.count_nonzero(held, axis=1)
-    falls, least = np.any(loaded & (stiffness < 0.0), axis=1), np.minimum(size, other)
-    trusted = falls & (least <= (0 if careful else TRUSTED))
-    stack = (trusted | ~falls) & (least <= STACKED)
-    compliant = np.where(falls & ~trusted, _INDEFINITE_COST, 1.0) * other < size
-    compliant &= body.shared
-    if body.loose:  # its systems may be singular, and are looked at one by one
-        stack[:], trusted[:] = False, False
+    n_free = np.count_nonzero(free, axis=1)
+    n_held = np.count_nonzero(held, axis=1)
+    n_least = np.minimum(n_free, n_held)
+    softens = np.any(loaded & (stiffness < 0.0), axis=1)
+    trusted = softens & (n_least <= (0 if careful else MAX_TRUSTED))
+    stacked = (trusted | ~softens) & (n_least <= MAX_STACKED)
+    held_cost = np.where(softens & ~trusted, _INDEFINITE_COST, 1.0) * n_held
+    on_held = (held_cost < n_free) & body.shared
+    if body.loose:  # its systems may be singular, so each is solved alone
+        stacked[:] = trusted[:] = False
     g = np.where(free, g, 0.0)
-    y = np.zeros(free.shape)
-    if np.any(compliant):
-        y[compliant] = -(g[compliant] @ body.inverse)
-    z, softness = (
-        np.zeros(free.shape),
-        np.divide(1.0, stiffness, out=np.zeros(free.shape), where=loaded),
-    )
-    rows, others = np.flatnonzero(stack & ~compliant), np.flatnonzero(stack & compliant)
-    d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
-    if len(others):
-        z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
-    for i in np.flatnonzero(~stack & ~compliant):
-        nodes = free[i].nonzero()[0]
-        d[i, nodes] = _on_free(
-            body, nodes, stiffness[i].take(nodes), -g[i].take(nodes), bool(trusted[i])
-        )
-    k = np.where(loaded, stiffness, 0.0)
-    for i in np.flatnonzero(~stack & compliant):
-        nodes = held[i].nonzero()[0]
-        z[i, nodes] = _on_held(body, nodes, k[i].take(nodes), y[i].take(nodes), bool(trusted[i]))
-    if np.any(compliant):
-        d[compliant] = y[compliant] - z[compliant] @ body.inverse
+    systems = _Systems(body, free, loaded, held, stiffness, g, stacked, trusted)
+    d = systems.solve_on_free(~on_held)
+    if np.any(on_held):
+        d[on_held] = systems.solve_on_held(on_held)
     d[~free] = 0.0
-    uphill = np.flatnonzero(trusted)
-    uphill = uphill[~(np.einsum("ri,ri->r", g[uphill], d[uphill]) < 0.0)]
+    rows = np.flatnonzero(trusted)
+    uphill = rows[~(np.einsum("ri,ri->r", g[rows], d[rows]) < 0.0)]
     if len(uphill):
-        d[uphill] = directions(body, free[uphill], np.maximum(stiffness[uphill], 0.0), g[uphill])
+        lifted = np.maximum(stiffness[uphill], 0.0)
+        d[uphill] = directions(body, free[uphill], lifted, g[uphill])
     return d
 
 
-def _stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
-    """(R, m) x with (M + diag) x = rhs on the masked nodes of each row; systems of similar size in
-    one stack."""
-    x, size = np.zeros(mask.shape), np.count_nonzero(mask, axis=1)
+@dataclass(eq=False)
+class _Systems:
+    """Newton's equations of R rows.
+
+    free, loaded, held: (R, m) the nodes F, those of them with k ≠ 0, the nodes K
+    stiffness, g:       (R, m) k, and g with 0 on nodes that stick
+    stacked, trusted:   (R,) solved with others in one call; solved before k is lifted
+    """
+
+    body: CondensedBody
+    free: Flags
+    loaded: Flags
+    held: Flags
+    stiffness: Array
+    g: Array
+    stacked: Flags
+    trusted: Flags
+
+    def solve_on_free(self, chosen: Flags) -> Array:
+        """Return (R, m) d of the chosen rows, 0 of all others."""
+        d = np.zeros(self.free.shape)
+        rows = np.flatnonzero(self.stacked & chosen)
+        d[rows] = _solve_stacked(
+            self.body.A_tilde, self.free[rows], self.stiffness[rows], -self.g[rows]
+        )
+        for i in np.flatnonzero(~self.stacked & chosen):
+            nodes = self.free[i].nonzero()[0]
+            k, rhs = self.stiffness[i].take(nodes), -self.g[i].take(nodes)
+            d[i, nodes] = _solve_free(self.body, nodes, k, rhs, bool(self.trusted[i]))
+        return d
+
+    def solve_on_held(self, chosen: Flags) -> Array:
+        """Return d of the chosen rows, through the forces z on their nodes K."""
+        compliance = self.body.inverse
+        y = np.zeros(self.free.shape)
+        z = np.zeros(self.free.shape)
+        y[chosen] = -(self.g[chosen] @ compliance)
+        rows = np.flatnonzero(self.stacked & chosen)
+        if len(rows):
+            softness = np.zeros(self.free.shape)
+            np.divide(1.0, self.stiffness, out=softness, where=self.loaded)
+            z[rows] = _solve_stacked(compliance, self.held[rows], softness[rows], y[rows])
+        k = np.where(self.loaded, self.stiffness, 0.0)
+        for i in np.flatnonzero(~self.stacked & chosen):
+            nodes = self.held[i].nonzero()[0]
+            y_K = y[i].take(nodes)
+            z[i, nodes] = _solve_held(
+                self.body, nodes, k[i].take(nodes), y_K, bool(self.trusted[i])
+            )
+        return np.asarray(y[chosen] - z[chosen] @ compliance)
+
+
+def _solve_stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
+    """Return (R, m) x with (M + diag) x = rhs on the masked nodes of each row.
+
+    Systems of similar size go to LAPACK in one stack.
+    """
+    x = np.zeros(mask.shape)
+    size = np.count_nonzero(mask, axis=1)
     order = np.argsort(~mask, axis=1, kind="stable")
-    width = np.minimum(mask.shape[1], -(-size // _WIDTH) * _WIDTH)
+    width = np.minimum(mask.shape[1], -(-size // _STACK_WIDTH) * _STACK_WIDTH)
     for n in np.unique(width[size > 0]):
         rows = np.flatnonzero(width == n)
-        nodes, valid = order[rows, :n], np.arange(n) < size[rows, None]
+        nodes = order[rows, :n]
+        valid = np.arange(n) < size[rows, None]
         stack = M.reshape(-1).take(nodes[:, :, None] * len(M) + nodes[:, None, :])
         stack *= valid[:, :, None] & valid[:, None, :]
-        own = np.where(valid, np.take_along_axis(diagonal[rows], nodes, 1), 1.0)
-        np.einsum("rii->ri", stack)[...] += own
+        added = np.where(valid, np.take_along_axis(diagonal[rows], nodes, 1), 1.0)
+        np.einsum("rii->ri", stack)[...] += added
         right = np.where(valid, np.take_along_axis(rhs[rows], nodes, 1), 0.0)
-        solved = np.linalg.solve(stack, right[..., None])[..., 0]
-        x[rows[:, None], nodes] = np.where(valid, solved, 0.0)
+        solution = np.linalg.solve(stack, right[..., None])[..., 0]
+        x[rows[:, None], nodes] = np.where(valid, solution, 0.0)
     return x
 
 
-def _positive(matrix: Array, rhs: Array) -> tuple[Array, int]:
-    """Solution with a symmetric matrix (overwritten) and LAPACK's info, 0 if it is positive
-    definite."""
+def _solve_positive(matrix: Array, rhs: Array) -> tuple[Array, int]:
+    """Return the solution with a symmetric matrix (overwritten) and LAPACK's info.
+
+    info is 0 if the matrix is positive definite.
+    """
     _, x, info = scipy.linalg.lapack.dposv(matrix.T, rhs, lower=1, overwrite_a=1)
     return x, info
 
 
-def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bool) -> Array:
-    """(n,) solution of one row on its free nodes."""
+def _solve_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bool) -> Array:
+    """Return (n,) d of one row on its free nodes."""
     if not len(free):
         return rhs
+    x, info = _solve_positive(with_diagonal(body.A_tilde, free, k), rhs)
+    if info == 0:
+        return x
+    if trusted:
+        return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
     lifted = np.maximum(k, 0.0)
-    # at last only friction holds the body, and too little of it: a proximal step, which up-jumps
-    # will stop
-    for own in (k, lifted, lifted + _PROXIMAL * np.diagonal(body.A_tilde)[free]):
-        x, info = _positive(with_diagonal(body.A_tilde, free, own), rhs)
+    # if only friction holds the body, and too little of it: a proximal step, which up-jumps stop
+    proximal = lifted + _PROXIMAL * np.diagonal(body.A_tilde)[free]
+    for diagonal in (lifted, proximal):
+        x, info = _solve_positive(with_diagonal(body.A_tilde, free, diagonal), rhs)
         if info == 0:
             return x
-        if trusted:
-            return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
     return np.zeros(len(free))
 
 
-def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:
-    """(n,) forces z of one row on the nodes that rest or have k ≠ 0."""
+def _solve_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:
+    """Return (n,) forces z of one row on the nodes that stick or have k ≠ 0."""
     if not len(held):
         return y
-    matrix = with_diagonal(
-        body.inverse, held, np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0)
-    )
-    falls = np.count_nonzero(k < 0.0)
-    if not falls:
-        return _positive(matrix, y)[0]
+    softness = np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0)
+    matrix = with_diagonal(body.inverse, held, softness)
+    n_softening = np.count_nonzero(k < 0.0)
+    if n_softening == 0:
+        return _solve_positive(matrix, y)[0]
     factor, pivots, z, _ = scipy.linalg.lapack.dsysv(
         matrix.T, y, lwork=64 * len(held), lower=1, overwrite_a=1
     )
-    negative = (
-        np.count_nonzero((pivots > 0) & (np.diagonal(factor) < 0.0))
-        + np.count_nonzero(pivots < 0) // 2
-    )
-    if not trusted and negative != falls:
-        kept, z = k >= 0.0, np.zeros(len(k))
-        z[kept] = _on_held(body, held[kept], k[kept], y[kept], trusted)
+    n_negative = np.count_nonzero((pivots > 0) & (np.diagonal(factor) < 0.0))
+    n_negative += np.count_nonzero(pivots < 0) // 2  # blocks of two rows have one each
+    if not trusted and n_negative != n_softening:
+        rises = k >= 0.0
+        z = np.zeros(len(k))
+        z[rises] = _solve_held(body, held[rises], k[rises], y[rises], trusted)
     return z
 
 
+# -- saddles ---------------------------------------------------------------------------------------
+
+
 def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple[Array, Flags]:
-    """(points of less energy where there are such, whether), for stationary points v (R, m).
+    """Return points of less energy where there are such, and whether, for stationary v (R, m).
 
     They lie towards the first kink along ±d of negative curvature. Until a node reaches its next
     kink the energy of a piecewise-linear law is an exact parabola that opens downwards: the first
     step ends there. Exponential pieces may need shorter ones.
     """
-    body, free, law = rows.body, s.free, rows.law
-    added = np.where(free, body.c * law.slope(v, s.piece), 0.0)
-    new, left = v.copy(), np.zeros(len(v), dtype=bool)
-    for i in np.flatnonzero(np.any(added < 0.0, axis=1)):
+    body, law = rows.body, rows.law
+    free, piece = s.free, s.piece
+    stiffness = np.where(free, body.c * law.slope(v, piece), 0.0)
+    lower = v.copy()
+    is_saddle = np.zeros(len(v), dtype=bool)
+    for i in np.flatnonzero(np.any(stiffness < 0.0, axis=1)):
         nodes = np.flatnonzero(free[i])
-        curvature = negative_curvature(body.A_tilde, nodes, added[i, nodes])
+        curvature = negative_curvature(body.A_tilde, nodes, stiffness[i, nodes])
         if curvature is None:
             continue
         direction = np.zeros(body.m)
         direction[nodes] = curvature
-        first_order = np.where(direction > 0.0, s.right[i], s.left[i])
-        direction = -direction if float(first_order @ direction) > 0.0 else direction
-        end = np.where(direction > 0.0, law.upper.take(s.piece[i]), law.lower.take(s.piece[i]))
-        reach = np.divide(
-            end - v[i], direction, out=np.full(body.m, np.inf), where=direction != 0.0
-        )
+        slope = np.where(direction > 0.0, s.right[i], s.left[i])
+        if float(slope @ direction) > 0.0:
+            direction = -direction
+        end = np.where(direction > 0.0, law.upper.take(piece[i]), law.lower.take(piece[i]))
+        reach = np.full(body.m, np.inf)
+        np.divide(end - v[i], direction, out=reach, where=direction != 0.0)
         length = float(np.min(reach[reach > 0.0], initial=np.inf))
-        row, at = rows.take(np.array([i])), Place(s.at.piece[[i]], s.at.on[[i]])
-        for part in (1.0, 0.25, 0.05) if np.isfinite(length) else ():
+        if not np.isfinite(length):
+            continue
+        one = np.array([i])
+        row, at = rows.take(one), Place(s.at.piece[one], s.at.on[one])
+        for part in _SADDLE_STEPS:
             target = v[i] + part * length * direction
-            change, work = row.energy_change(v[[i]], target[None], xi[[i]], at)
+            change, work = row.energy_change(v[one], target[None], xi[one], at)
             if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
-                new[i], left[i] = target, True
+                lower[i] = target
+                is_saddle[i] = True
                 break
-    return new, left
+    return lower, is_saddle
 
 
-_STEPS = 80
-_TO_BOUNDARY = 0.995
-_SMALL = 1e-14
-"""Most steps, how far each goes towards the boundary, and the complementarity, relative to its
-first, that ends it."""
+# -- convex model ----------------------------------------------------------------------------------
 
 
 def convex_step(problem: ContactProblem, v: Array) -> Array | None:
-    """The minimum of the model at v (m,), None if the iteration fails.
+    """Return the minimum of the model at v (m,), None if the iteration fails.
 
-    Nodes on an up-jump at the minimum are put on it bitwise.
+    Nodes on an up-jump at the minimum are put on it to the bit.
     """
-    law, c, index = problem.law, problem.c, problem.law.node_index(problem.m)
-    (s, h, gamma, sign, kink), slope = _elements(law.tables, index)
-    descent = slopes(problem, v, problem.xi(v)).descent
-    piece = np.where(descent <= 0.0, law.piece(v, +1), law.piece(v, -1))
-    own = piece if law.one else piece - law.tables.first[index]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        force = np.where(
-            gamma > 0.0, np.clip(sign * (v - s) / gamma, 0.0, h), np.where(kink < own, h, 0.0)
-        )
-    rest = law.value(v, piece) - (slope * v + np.sum(sign * force, axis=0))
-    matrix, load = problem.A_tilde.copy(), problem.l_tilde - c * rest
-    diagonal = matrix.reshape(-1)[:: len(v) + 1]
-    diagonal += c * slope
-    if not len(s):
+    elements = _elements(problem.law.tables, problem.law.node_index(problem.m))
+    matrix = problem.A_tilde.copy()
+    matrix.reshape(-1)[:: len(v) + 1] += problem.c * elements.slope
+    load = problem.l_tilde - problem.c * _rest_of_law(problem, v, elements)
+    if not len(elements.s):
         _, w, info = scipy.linalg.lapack.dposv(matrix, load, lower=1)
         return w if info == 0 else None
-    capped = np.isfinite(h)
-    both = np.stack(
-        [np.ones(h.shape), capped]
-    )  # of e with x⁻ and, where there is a cap, of h − e with x⁺
-    size = float(np.max(np.abs(h[capped]), initial=0.0)) or problem.traction_scale
-    reach = float(np.max(np.abs(problem.l_tilde) + c * size) / np.min(diagonal))
-    reach = max(float(np.max(np.abs(v - s))), reach if np.isfinite(reach) else 0.0)
-    w, e = v.copy(), np.where(capped, 0.5 * h, size)
-    # h − e is a variable of its own, as it would lose its digits; without a cap x⁺ = 0, here y = 0
-    # beside an x of 1
-    x = np.stack([e, np.where(capped, h - e, 1.0)])
-    gap = sign * (v - s) - gamma * e
-    y = np.stack(
-        [np.maximum(-gap, 0.0) + reach, np.where(capped, np.maximum(gap, 0.0) + reach, 0.0)]
-    )
-    kinds = 1.0 + float(np.mean(capped))
-    first = mu = float(np.sum(x * y)) / (e.size * kinds)
-    for _ in range(_STEPS):
-        if mu <= _SMALL * first:
+    model = _ConvexModel(problem, matrix, load, elements)
+    point = model.start(v)
+    first = mu = model.complementarity(point)
+    for _ in range(_MAX_INTERIOR_STEPS):
+        if mu <= _COMPLEMENTARITY * first:
             break
-        theta = gamma + y[1] / x[1] + y[0] / x[0]
-        balance, gap = (
-            load - matrix @ w - c * np.sum(sign * x[0], axis=0),
-            sign * (w - s) - gamma * x[0] - y[1] + y[0],
+        change = model.predict_and_correct(point, mu)
+        if change is None:
+            break
+        length = change.length_from(point, _TO_BOUNDARY)
+        if not (length > _MIN_INTERIOR_STEP and np.all(np.isfinite(change.w))):
+            break
+        point = point.moved(change, length)
+        mu = model.complementarity(point)
+    if not mu <= _USEFUL_COMPLEMENTARITY * first:
+        return None
+    return model.on_jumps(point)
+
+
+@dataclass(frozen=True, eq=False)
+class _Elements:
+    """Elements of b_↑ at every node, (n, m) each.
+
+    A node with fewer elements than others has some of sign 0 and of the scale of b, which act on
+    nothing.
+
+    s, h, gamma: as in the head of this file; h is infinite for outer pieces
+    sign:        −1 for the outer piece on the left, whose slip counts to the left
+    kink:        of an up-jump its index, −1 for a piece
+    slope:       (m,) least slope of b_↑
+    """
+
+    s: Array
+    h: Array
+    gamma: Array
+    sign: Array
+    kink: Array
+    slope: Array
+
+
+def _elements(laws: Laws, index: Index) -> _Elements:
+    """Return the elements of laws, given by their tables; exponential pieces rise end to end."""
+    low, high = laws.lower, laws.upper
+    is_outer = ~(np.isfinite(low) & np.isfinite(high))
+    start, end = np.where(is_outer, laws.s_0, low), np.where(is_outer, laws.s_0, high)
+    width = np.where(is_outer, 1.0, end - start)
+    rise = laws.value(end, laws.addresses) - laws.value(start, laws.addresses)
+    slope = np.maximum(np.where(laws.bent & ~is_outer, rise / width, laws.q), 0.0)
+    least = np.min(slope, axis=1, keepdims=True)
+    extra = np.where(slope > least, slope - least, 1.0)
+    is_jump = laws.kinds == UP
+    is_steeper = (slope > least) & (low < high)
+    is_used = np.any(np.append(is_jump, is_steeper, axis=1)[np.unique(index)], axis=0)
+
+    def column(of_jump: ArrayLike, of_piece: ArrayLike, otherwise: float) -> Array:
+        jumps = np.where(is_jump, of_jump, otherwise)
+        pieces = np.where(is_steeper, of_piece, otherwise)
+        return np.append(jumps, pieces, axis=1)[:, is_used][index].T
+
+    b_scale = laws.at(index).b_scale or 1.0
+    return _Elements(
+        s=column(laws.kinks, np.where(np.isfinite(low), low, high), 0.0),
+        h=column(laws.b_right - laws.b_left, np.where(is_outer, np.inf, extra * width), b_scale),
+        gamma=column(0.0, 1.0 / extra, 0.0),
+        sign=column(1.0, np.where(np.isfinite(low), 1.0, -1.0), 0.0),
+        kink=column(np.arange(is_jump.shape[1]), -1.0, -1.0),
+        slope=least[index, 0],
+    )
+
+
+def _rest_of_law(problem: ContactProblem, v: Array, elements: _Elements) -> Array:
+    """Return (m,) b(v) − b_↑(v) on the descending side of v."""
+    law = problem.law
+    descent = slopes(problem, v, problem.xi(v)).descent
+    piece = np.where(descent <= 0.0, law.piece(v, +1), law.piece(v, -1))
+    index = law.node_index(problem.m)
+    piece_of_law = piece if law.one else piece - law.tables.first[index]
+    s, h, gamma, sign = elements.s, elements.h, elements.gamma, elements.sign
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_piece = np.clip(sign * (v - s) / gamma, 0.0, h)
+    of_jump = np.where(elements.kink < piece_of_law, h, 0.0)
+    force = np.where(gamma > 0.0, of_piece, of_jump)
+    rising: Array = elements.slope * v + np.sum(sign * force, axis=0)
+    return law.value(v, piece) - rising
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """An interior point of the convex model, or a change of it.
+
+    w:      (m,) displacements
+    forces: (2, n, m) e and h − e, a variable of its own as a difference would lose its digits
+    gaps:   (2, n, m) x⁻ and x⁺; without a cap h on the force x⁺ = 0 beside a force of 1
+    """
+
+    w: Array
+    forces: Array
+    gaps: Array
+
+    def moved(self, change: _Point, length: float) -> _Point:
+        return _Point(
+            self.w + length * change.w,
+            self.forces + length * change.forces,
+            self.gaps + length * change.gaps,
         )
-        lifted = matrix.copy()
-        lifted.reshape(-1)[:: len(v) + 1] += c * np.sum(sign**2 / theta, axis=0)
+
+    def length_from(self, point: _Point, share: float) -> float:
+        """Return how far this change goes: `share` of the way to the boundary, at most 1."""
+        lengths = []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for size, change in ((point.forces, self.forces), (point.gaps, self.gaps)):
+                lengths.append(np.where(change < 0.0, -share * size / change, 1.0))
+        return min(1.0, float(np.min(lengths)))
+
+
+class _ConvexModel:
+    """The model's matrix, load and elements, and the steps of the interior point method on it."""
+
+    def __init__(
+        self, problem: ContactProblem, matrix: Array, load: Array, elements: _Elements
+    ) -> None:
+        self.problem = problem
+        self.matrix = matrix
+        self.load = load
+        self.elements = elements
+        self.is_capped = np.isfinite(elements.h)
+        # e goes with x⁻ and, where there is a cap, h − e with x⁺
+        self.is_pair = np.stack([np.ones(elements.h.shape), self.is_capped])
+        self.pairs_per_element = 1.0 + float(np.mean(self.is_capped))
+
+    def start(self, v: Array) -> _Point:
+        """Return the point of forces at half their caps, and gaps that no step is to cross."""
+        s, h = self.elements.s, self.elements.h
+        gamma, sign = self.elements.gamma, self.elements.sign
+        is_capped, problem = self.is_capped, self.problem
+        size = float(np.max(np.abs(h[is_capped]), initial=0.0)) or problem.traction_scale
+        load = np.max(np.abs(problem.l_tilde) + problem.c * size)
+        reach = float(load / np.min(self.matrix.reshape(-1)[:: len(v) + 1]))
+        reach = max(float(np.max(np.abs(v - s))), reach if np.isfinite(reach) else 0.0)
+        e = np.where(is_capped, 0.5 * h, size)
+        gap = sign * (v - s) - gamma * e
+        behind = np.where(is_capped, np.maximum(gap, 0.0) + reach, 0.0)
+        return _Point(
+            v.copy(),
+            forces=np.stack([e, np.where(is_capped, h - e, 1.0)]),
+            gaps=np.stack([np.maximum(-gap, 0.0) + reach, behind]),
+        )
+
+    def complementarity(self, point: _Point) -> float:
+        """Return the mean product μ of a force and its gap."""
+        count = self.elements.s.size * self.pairs_per_element
+        return float(np.sum(point.forces * point.gaps)) / count
+
+    def predict_and_correct(self, point: _Point, mu: float) -> _Point | None:
+        """Return the change by Mehrotra's two solutions with one factor, None without a factor."""
+        gamma, sign = self.elements.gamma, self.elements.sign
+        forces, gaps, c = point.forces, point.gaps, self.problem.c
+        theta = gamma + gaps[1] / forces[1] + gaps[0] / forces[0]
+        balance = self.load - self.matrix @ point.w - c * np.sum(sign * forces[0], axis=0)
+        missing = sign * (point.w - self.elements.s) - gamma * forces[0] - gaps[1] + gaps[0]
+        lifted = self.matrix.copy()
+        lifted.reshape(-1)[:: len(point.w) + 1] += c * np.sum(sign**2 / theta, axis=0)
         factor, info = cholesky(lifted)
         if info != 0:
-            break
-        target = -both * x * y  # of the predictor: x y → x y + target
-        for share in (1.0, _TO_BOUNDARY):
-            known = gap - target[1] / x[1] + target[0] / x[0]
-            rhs = balance - c * np.sum(sign * known / theta, axis=0)
-            dw = scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
-            de = (sign * dw + known) / theta
-            dx, dy = (
-                np.stack([de, np.where(capped, -de, 0.0)]),
-                (target - y * np.stack([de, -de])) / x,
-            )
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ends = [np.where(d < 0.0, -share * z / d, 1.0) for z, d in ((x, dx), (y, dy))]
-            length = min(1.0, float(np.min(ends)))
-            after = float(np.sum((x + length * dx) * (y + length * dy)))
-            target = both * (
-                mu * min(1.0, after / (mu * e.size * kinds)) ** 3 - x * y - dx * dy
-            )  # of the corrector
-        if not (length > 1e-6 and np.all(np.isfinite(dw))):
-            break
-        w, x, y = w + length * dw, x + length * dx, y + length * dy
-        mu = float(np.sum(x * y)) / (e.size * kinds)
-    if not mu <= 1e-3 * first:
-        return None
-    reach = max(float(np.max(np.abs(w - s))), float(np.finfo(float).tiny))
-    row, node = np.nonzero((kink >= 0) & np.all(y < x / h * reach, axis=0))
-    w[node] = np.broadcast_to(s, h.shape)[row, node]
-    return w
+            return None
 
+        def solve(target: Array) -> _Point:
+            """Return the change after which force · gap has changed by `target`, to first order."""
+            gap = missing - target[1] / forces[1] + target[0] / forces[0]
+            rhs = balance - c * np.sum(sign * gap / theta, axis=0)
+            w = scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
+            e = (sign * w + gap) / theta
+            capped = np.stack([e, np.where(self.is_capped, -e, 0.0)])
+            return _Point(w, capped, (target - gaps * np.stack([e, -e])) / forces)
 
-def _elements(laws: Laws, index: NDArray[np.intp]) -> tuple[list[Array], Array]:
-    """(s, h, γ, sign, kink) of the elements of b_↑ at every node (n, m) each, and the least slopes
-    (m,).
+        predictor = solve(-self.is_pair * forces * gaps)
+        after = point.moved(predictor, predictor.length_from(point, 1.0))
+        left = float(np.sum(after.forces * after.gaps))
+        share = left / (mu * theta.size * self.pairs_per_element)
+        centre = mu * min(1.0, share) ** 3
+        second_order = predictor.forces * predictor.gaps
+        return solve(self.is_pair * (centre - forces * gaps - second_order))
 
-    laws: tables;  sign: −1 for the outer piece on the left, whose slip counts to the left;  kink: of an up-jump its
-    index, −1 for a piece. Exponential pieces rise from end to end. A node with fewer elements than others has some of
-    sign 0 and of the scale of b, which act on nothing.
-    """
-    low, high, up = laws.lower, laws.upper, laws.kinds == UP
-    outer = ~(np.isfinite(low) & np.isfinite(high))
-    ends = [np.where(outer, laws.s_0, s) for s in (low, high)]
-    width, start, end = (
-        np.where(outer, 1.0, ends[1] - ends[0]),
-        *(laws.value(s, laws.addresses) for s in ends),
-    )
-    rise = np.maximum(np.where(laws.bent & ~outer, (end - start) / width, laws.q), 0.0)
-    least = np.min(rise, axis=1, keepdims=True)
-    rises, steeper = (rise > least) & (low < high), np.where(rise > least, rise - least, 1.0)
-    sign = np.where(np.isfinite(low), 1.0, -1.0)
-    jumps: tuple[Any, ...] = (
-        laws.kinks,
-        laws.b_right - laws.b_left,
-        np.zeros(up.shape),
-        1.0,
-        np.arange(up.shape[1]),
-    )
-    pieces: tuple[Any, ...] = (
-        np.where(np.isfinite(low), low, high),
-        np.where(outer, np.inf, steeper * width),
-        1.0 / steeper,
-        sign,
-        -1.0,
-    )
-    found, none = [], (0.0, laws.at(index).b_scale or 1.0, 0.0, 0.0, -1.0)
-    used = np.any(np.append(up, rises, axis=1)[np.unique(index)], axis=0)
-    for of_jump, of_piece, nothing in zip(jumps, pieces, none, strict=True):
-        column = np.append(
-            np.where(up, of_jump, nothing), np.where(rises, of_piece, nothing), axis=1
-        )
-        found.append(column[:, used][index].T)
-    return found, least[index, 0]
+    def on_jumps(self, point: _Point) -> Array:
+        """Return the displacements (m,), to the bit on the jumps whose force is inside its range."""
+        s, h = self.elements.s, self.elements.h
+        w = point.w
+        reach = max(float(np.max(np.abs(w - s))), float(np.finfo(float).tiny))
+        sticks = np.all(point.gaps < point.forces / h * reach, axis=0)
+        row, node = np.nonzero((self.elements.kink >= 0) & sticks)
+        w[node] = np.broadcast_to(s, h.shape)[row, node]
+        return w
