@@ -52,12 +52,12 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.newton import factor_free, slopes
 from tcstudy.contact.problem import (
-    MARGIN,
+    PROOF_MARGIN,
     CondensedBody,
     ContactProblem,
-    kept,
     least_lowered,
     pivot_shift,
+    trusted_share,
 )
 from tcstudy.contact.solution import Acceptance, extended
 from tcstudy.laws.laws import Laws
@@ -252,7 +252,7 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     load_norm = np.sqrt((rows.l_tilde / c) ** 2 @ c)
     push_of_law = largest_push(rows.law)
     push = np.max(push_of_law[rows.law.index], axis=1)
-    lambda_1 = kept(body.A_error) * body.lambda_1
+    lambda_1 = trusted_share(body.A_error) * body.lambda_1
     high = energy_reach(load_norm[:, None], push[:, None], c, lambda_1)
     low = -high
     absolute_inverse = np.abs(body.inverse)
@@ -490,11 +490,11 @@ class Proofs:
     def _prove_convex(self) -> None:
         """Prove that rows have one solution whatever their load."""
         body, law = self.rows.body, self.rows.law
-        share = kept(body.A_error)
+        share = trusted_share(body.A_error)
         self.omega = law.omega_by_row
         with np.errstate(invalid="ignore"):  # of no nodes
             self.margin = share * body.lambda_1 - self.omega
-        max_omega = (1.0 - MARGIN) * share * body.lambda_1
+        max_omega = (1.0 - PROOF_MARGIN) * share * body.lambda_1
         self.convex = (self.omega < max_omega) | (body.m == 0)
         has_laws_by_node = law.index.shape[1] > 1
         if has_laws_by_node and not body.loose:
@@ -581,7 +581,7 @@ def positive_definite(
     """
     nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
     shift = pivot_shift(problem.A_tilde, problem.c, lambda_1)
-    lowered = problem.c[nodes] * (slope - shift) / kept(problem.A_error)
+    lowered = problem.c[nodes] * (slope - shift) / trusted_share(problem.A_error)
     is_possible = np.all(np.diagonal(problem.A_tilde)[nodes] + lowered > 0.0)
     return bool(is_possible) and factor_free(problem.A_tilde, nodes, lowered)[1] == 0
 
@@ -601,7 +601,7 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
     if body.m == 0:
         return ~proved
     tiny = np.finfo(float).tiny
-    diagonal = body.c * (slope - body.shift) / kept(body.A_error)
+    diagonal = body.c * (slope - body.shift) / trusted_share(body.A_error)
     has_positive_diagonal = np.diagonal(body.A_tilde) + diagonal > 0.0
     open_rows = np.flatnonzero(np.all(has_positive_diagonal, axis=1))
     absolute_inverse = np.abs(body.inverse)
@@ -684,7 +684,7 @@ def strict_minimum(rows: ContactProblem, v: Array) -> Flags:
             has_traction_inside = (low < xi - noise) & (xi + noise < high)
             is_inside = place.on & law.narrow(piece) & has_traction_inside
             least_slope = np.where(is_inside, law.slope(v, piece), least_slope)
-    added = body.c * (least_slope - body.shift) / kept(body.A_error)
+    added = body.c * (least_slope - body.shift) / trusted_share(body.A_error)
     proved = ~np.any(first_order.jump & ~is_on_up_jump, axis=1)
     for row in np.flatnonzero(proved):
         free = np.flatnonzero(~sticks[row])

@@ -43,7 +43,13 @@ from tcstudy.contact.certificates import (
     strict_minimum,
 )
 from tcstudy.contact.path.problem import ScaledBody
-from tcstudy.contact.problem import CondensedBody, ContactProblem, Status, kept, least_lowered
+from tcstudy.contact.problem import (
+    CondensedBody,
+    ContactProblem,
+    Status,
+    least_lowered,
+    trusted_share,
+)
 from tcstudy.contact.solve import Answer
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
@@ -439,7 +445,7 @@ class HistoryProblem:
     @cached_property
     def margin(self) -> float:
         """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], λ₁ − ω where all nodes have one law."""
-        omega, share = self.model.omega, kept(self.body.A_error)
+        omega, share = self.model.omega, trusted_share(self.body.A_error)
         if np.any(omega != omega[:1]):
             return least_lowered(share * self.body.A_tilde, self.body.c, omega)
         return share * self.body.lambda_1 - float(np.max(omega, initial=0.0))
