@@ -1,7 +1,7 @@
-"""Static condensation (method eq. (20)) by a multifrontal Cholesky factorisation; NumPy and SciPy
-only.
+"""Static condensation (method eq. (20)) by a multifrontal Cholesky factorisation.
 
-Not here: where the matrix comes from (fem), loads of a scene (offline).
+It needs only NumPy and SciPy. Not here: where the matrix comes from (fem), loads of a scene
+(offline).
 """
 
 from tcstudy.condense.condensation import Condensation, NotPositiveDefinite, condense

@@ -1,5 +1,4 @@
-"""Nested dissection of the nodes of a mesh: which parts are eliminated by themselves, and which
-nodes separate them.
+"""Nested dissection of the nodes of a mesh into parts and the nodes that separate them.
 
 Method:   all nodes are halved by rank across the longer extent of their part, again and again. Of
           the edges that a halving cuts, the fewest nodes that meet them all are the separator,
@@ -41,7 +40,9 @@ class Halving(NamedTuple):
 class Dissection(NamedTuple):
     """A heap label for every node, and where a separator's nodes lie along it.
 
-    depth: that of the leaves;  label: (n,);  along: (n,) coordinate along the separator, 0 in leaves
+    depth: of the leaves
+    label: (n,) heap label of every node
+    along: (n,) coordinate along the separator, 0 in leaves
     """
 
     depth: int
@@ -52,8 +53,10 @@ class Dissection(NamedTuple):
 class EliminationTree(NamedTuple):
     """Fronts in elimination order, the root of kept unknowns last.
 
-    front:  of every heap label;  parent: (f,) the front that takes over, for all but the root
-    level:  (f,) below the top separator, −1 for the root;  rank: of heap labels in that order
+    front:  front of every heap label
+    parent: (f,) the front that takes over, for all but the root
+    level:  (f,) depth below the top separator, −1 for the root
+    rank:   rank of every heap label in elimination order
     """
 
     front: Ints
@@ -65,8 +68,9 @@ class EliminationTree(NamedTuple):
 def nested_dissection(points: Floats, i: Ints, j: Ints, leaf: int) -> Dissection:
     """Label nodes by the separators and leaves of a nested dissection.
 
-    points: (n, 2); (i, j): edges of the graph of nodes; leaf: parts of at most this many nodes are
-    not halved.
+    points: (n, 2)
+    i, j:   edges of the graph of nodes
+    leaf:   parts of at most this many nodes are not halved
     """
     halving = halved(points, leaf)
     depth, part = halving.depth, halving.part
@@ -79,24 +83,25 @@ def nested_dissection(points: Floats, i: Ints, j: Ints, leaf: int) -> Dissection
     i_is_lower = part[i] < part[j]
     lower, upper = np.where(i_is_lower, i, j), np.where(i_is_lower, j, i)
     for d, upright in enumerate(halving.upright):
-        here = np.flatnonzero(bits == depth - d)
-        here = here[(label[lower[here]] == 0) & (label[upper[here]] == 0)]
-        separator = minimum_cover(lower[here], upper[here])
+        edges = np.flatnonzero(bits == depth - d)
+        is_open = (label[lower[edges]] == 0) & (label[upper[edges]] == 0)
+        edges = edges[is_open]
+        separator = minimum_cover(lower[edges], upper[edges])
         group = part[separator] >> (depth - d)
         label[separator] = (1 << d) + group
         x, y = points[separator].T
         along[separator] = np.where(upright[group], x, y)
-    rest = label == 0
-    label[rest] = (1 << depth) + part[rest]
+    is_leaf = label == 0
+    label[is_leaf] = (1 << depth) + part[is_leaf]
     return Dissection(depth, label, along)
 
 
 def halved(points: Floats, leaf: int) -> Halving:
-    """Halve nodes by rank across the longer extent of their part, until no part has more than
-    `leaf`.
+    """Halve nodes by rank until no part has more than `leaf`.
 
-    Nodes of equal coordinates are halved like others. The nodes along x and along y are kept in
-    order, part by part, so that an extent is the distance of two nodes.
+    Each part is halved across its longer extent. Nodes of equal coordinates are halved like others.
+    The nodes along x and along y are kept in order, part by part, so that an extent is the distance
+    of two nodes.
     """
     n = len(points)
     orders = [np.argsort(x, kind="stable").astype(np.int32) for x in points.T]
@@ -106,12 +111,11 @@ def halved(points: Floats, leaf: int) -> Halving:
     while np.diff(starts).max() > leaf:
         low, high = starts[:-1], starts[1:]
         sizes = high - low
-        extents = [
-            points[order[high - 1], axis] - points[order[low], axis]
-            for axis, order in enumerate(orders)
-        ]
-        is_upright = extents[1] > extents[0]
-        across = np.where(np.repeat(is_upright, sizes), orders[1], orders[0])
+        by_x, by_y = orders
+        x_extent = points[by_x[high - 1], 0] - points[by_x[low], 0]
+        y_extent = points[by_y[high - 1], 1] - points[by_y[low], 1]
+        is_upright = y_extent > x_extent
+        across = np.where(np.repeat(is_upright, sizes), by_y, by_x)
         middle = low + sizes // 2
         is_upper_place = np.arange(n) >= np.repeat(middle, sizes)
         in_upper_half = np.zeros(n, dtype=bool)
@@ -140,7 +144,8 @@ def minimum_cover(lower: Ints, upper: Ints) -> Ints:
     ones = np.ones(len(a), dtype=np.int8)
     graph = sp.csr_array((ones, (a, b)), shape=(len(lower), len(upper)))
     partner = maximum_bipartite_matching(graph, perm_type="column")  # −1 of an unmatched node
-    unmatched, matched = np.flatnonzero(partner < 0), np.flatnonzero(partner >= 0)
+    unmatched = np.flatnonzero(partner < 0)
+    matched = np.flatnonzero(partner >= 0)
     back = np.full(len(upper), -1)
     back[partner[matched]] = matched
     columns = np.concatenate([graph.indices + len(lower), back[back >= 0], unmatched])
@@ -165,9 +170,9 @@ def elimination_tree(depth: int) -> EliminationTree:
     level = np.append(-1, np.log2(heap[1:]).astype(int))
     is_joined = (level == depth - 1) & (heap > 1)
     # by the last leaf below, then children before parents
-    last = ((heap + 1) << (depth - level)) * (depth + 2) - level
-    last[0] = np.iinfo(np.int64).max
-    labels = np.argsort(last)
+    key = ((heap + 1) << (depth - level)) * (depth + 2) - level
+    key[0] = np.iinfo(np.int64).max
+    labels = np.argsort(key)
     labels = labels[~is_joined[labels]]
     front = np.zeros(len(heap), dtype=np.int64)
     front[labels] = np.arange(len(labels))

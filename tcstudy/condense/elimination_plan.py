@@ -1,4 +1,4 @@
-"""What is eliminated when, and where every entry of the matrix and of a Schur complement goes.
+"""The order of elimination, and where every entry of the matrix and of a Schur complement goes.
 
 Unknowns come in blocks: the eliminated unknowns of one node, and every kept unknown alone. Blocks
 are numbered in the order of elimination. Boundaries and places are found for blocks, of which a
@@ -28,29 +28,32 @@ from tcstudy.condense.dissection import (
 Sparse: TypeAlias = sp.csr_matrix | sp.csr_array
 
 LEAF_UNKNOWNS = 100
-"""Smaller leaves cost interpreter time, larger ones cost flops and factor storage."""
+"""Unknowns of a leaf: fewer cost interpreter time, more cost flops and factor storage."""
 
 Run = tuple[int, int, int]
-"""Rows first..last−1 of a Schur complement go to consecutive rows of the parent front, from the
-third number on."""
+"""(first, stop, target): rows first..stop−1 of a Schur complement go to rows of the parent front.
+
+Those are consecutive, from `target` on.
+"""
 
 
 @dataclass(frozen=True)
 class EliminationPlan:
-    """The fronts in elimination order (children before parents); the last one is the root of kept
-    unknowns.
+    """The fronts in elimination order, children before parents; the last has the kept unknowns.
 
-    The rows of a front are its own unknowns, then its boundary. Its panel is the columns of its own
-    unknowns: their own block, then that of the boundary, both in Fortran order.
+    The rows of a front are its inner unknowns, then its boundary. Its panel is the columns of the
+    inner unknowns: the block on the diagonal, then that of the boundary, both in Fortran order.
 
     permutation: (N,) rows of A in elimination order, kept unknowns last
     position:    (n,) inverse of it, −1 at rows that take no part
-    stops:       stops[f] is the position behind the last unknown of front f; front f starts where f−1 stops
+    stops:       stops[f] is the position behind the last unknown of front f; front f starts where
+                 f − 1 stops
     children:    fronts whose Schur complement front f takes over
     kept:        (m,) position among the kept, for every entry of `keep` as the caller ordered it
     boundaries:  later unknowns that a front touches, by position
-    runs:        where its Schur complement goes in the parent, rows of own unknowns and of the boundary apart
-    entries:     where the entries of a front begin in `source` and `target`, and where the last ones end
+    runs:        where its Schur complement goes in the parent; rows of the parent's inner unknowns
+                 and of its boundary are in separate runs
+    entries:     where the entries of a front begin in `source` and `target`, and where the last end
     source:      where the entries of one triangle are in A.data
     target:      where they go in the panel of their front
     pattern:     fingerprint of the pattern of the matrix (pattern_of)
@@ -70,16 +73,17 @@ class EliminationPlan:
 
 
 def pattern_of(A: Sparse) -> tuple[int, int, int]:
-    """Return the number of entries and checksums of columns and row starts: matrices of one pattern
-    share them."""
+    """Return numbers that matrices of one pattern share.
+
+    They are the number of entries and checksums of columns and row starts.
+    """
     return A.nnz, crc32(A.indices.data), crc32(A.indptr.data)
 
 
 def plan_elimination(
     A: Sparse, coordinates: Floats, components: int, keep: Ints, eliminated: Mask
 ) -> EliminationPlan:
-    """Order the eliminated unknowns by nested dissection of their nodes, the kept ones behind them,
-    and lay out A.
+    """Order the eliminated unknowns by nested dissection, the kept ones last, and lay out A.
 
     A is (components·nodes)², component-blocked, canonical CSR with a symmetric pattern. Where its
     blocks have different patterns, every unknown counts as a node.
@@ -118,8 +122,7 @@ def plan_elimination(
     )
 
 
-# -- nodes and their order
-# ------------------------------------------------------------------------------
+# -- nodes and their order -------------------------------------------------------------------------
 
 
 class _NodePairs(NamedTuple):
@@ -190,13 +193,15 @@ def _argsort(keys: Ints) -> Ints:
 
 
 class _Blocks(NamedTuple):
-    """Eliminated nodes, then kept unknowns, in elimination order; (B,) unless said.
+    """Eliminated nodes, then kept unknowns, in elimination order; (B,) unless stated.
 
-    start:       first position of a block;  width: number of its unknowns
-    of_node:     (nodes,) block of a node, meaningless for inactive ones
-    of_position: (N,) block of an unknown;  front_of_position: (N,) front of an unknown
-    front:       front of a block;  first, stops: (f,) first position of a front and the one behind it
-    inner:       number of eliminated unknowns
+    start, width:      first position of a block, number of its unknowns
+    of_node:           (nodes,) block of a node, meaningless for inactive ones
+    of_position:       (N,) block of an unknown
+    front_of_position: (N,) front of an unknown
+    front:             front of a block
+    first, stops:      (f,) first position of a front and the one behind it
+    inner:             number of eliminated unknowns
     permutation, position, kept: as in EliminationPlan
     """
 
@@ -228,17 +233,18 @@ def _blocks(
     inner = (order + nodes * np.arange(components)[:, None]).T[use.T]
     position = np.full(A.shape[0], -1, dtype=np.int32)
     position[inner] = np.arange(len(inner), dtype=np.int32)
-    owner, at = _rows_of(A, keep)
-    neighbours = position[A.indices[at]]
+    owner, entry = _rows_of(A, keep)
+    neighbours = position[A.indices[entry]]
     nearest = np.full(len(keep), len(inner))
     np.minimum.at(nearest, owner[neighbours >= 0], neighbours[neighbours >= 0])
     kept_order = np.lexsort((keep, nearest))
     position[keep[kept_order]] = len(inner) + np.arange(len(keep), dtype=np.int32)
 
-    width = np.append(use.sum(axis=0), np.ones(len(keep), dtype=int)).astype(np.int32)
+    kept_width = np.ones(len(keep), dtype=int)
+    width = np.append(use.sum(axis=0), kept_width).astype(np.int32)
     front = np.append(front, np.full(len(keep), fronts - 1)).astype(np.int32)
-    own = np.bincount(front, width, fronts).astype(np.int32)
-    stops = np.cumsum(own, dtype=np.int32)
+    front_width = np.bincount(front, width, fronts).astype(np.int32)
+    stops = np.cumsum(front_width, dtype=np.int32)
     of_node = np.zeros(nodes, dtype=np.int32)
     of_node[order] = np.arange(len(order))
     return _Blocks(
@@ -248,7 +254,7 @@ def _blocks(
         of_position=np.repeat(np.arange(len(width), dtype=np.int32), width),
         front_of_position=np.repeat(front, width),
         front=front,
-        first=stops - own,
+        first=stops - front_width,
         stops=stops,
         inner=len(inner),
         permutation=np.concatenate([inner, keep[kept_order]]),
@@ -265,8 +271,7 @@ def _rows_of(A: Sparse, rows: Ints) -> tuple[Ints, Ints]:
     return owner, np.arange(len(owner)) + np.repeat(A.indptr[rows] - before, counts)
 
 
-# -- entries of the matrix
-# ------------------------------------------------------------------------------
+# -- entries of the matrix -------------------------------------------------------------------------
 
 
 class _Entries(NamedTuple):
@@ -274,7 +279,7 @@ class _Entries(NamedTuple):
 
     column, row:       position of the first unknown, column ≤ row
     source:            where its entry is in A.data
-    per_column, per_row: what the next component of either node adds to that
+    per_column, per_row: the increment of that for the next component of either node
     """
 
     column: Ints
@@ -294,7 +299,8 @@ class _Entries(NamedTuple):
 
 def _full_entries(pairs: _NodePairs, blocks: _Blocks) -> _Entries:
     """Return the entries of nodes with all components eliminated, by front."""
-    a, b = blocks.start[blocks.of_node[pairs.i]], blocks.start[blocks.of_node[pairs.j]]
+    a = blocks.start[blocks.of_node[pairs.i]]
+    b = blocks.start[blocks.of_node[pairs.j]]
     is_turned = a > b
     entries = _Entries(
         column=np.minimum(a, b),
@@ -311,9 +317,11 @@ def _partial_entries(pairs: _NodePairs, blocks: _Blocks, components: int) -> lis
     nodes = len(blocks.of_node)
     single = []
     for c, d in np.ndindex(components, components):
-        a, b = blocks.position[c * nodes + pairs.i], blocks.position[d * nodes + pairs.j]
+        a = blocks.position[c * nodes + pairs.i]
+        b = blocks.position[d * nodes + pairs.j]
         is_first = (pairs.i != pairs.j) | (c <= d)
-        use = is_first & (a >= 0) & (b >= 0) & (a < blocks.inner) & (b < blocks.inner)
+        is_inner = (np.minimum(a, b) >= 0) & (np.maximum(a, b) < blocks.inner)
+        use = is_first & is_inner
         source = pairs.first + c * pairs.of_i + d * pairs.of_j
         single.append(_single(a[use], b[use], source[use]))
     return single
@@ -321,10 +329,11 @@ def _partial_entries(pairs: _NodePairs, blocks: _Blocks, components: int) -> lis
 
 def _kept_entries(A: Sparse, keep: Ints, blocks: _Blocks) -> _Entries:
     """Return the entries in the rows of kept unknowns."""
-    owner, at = _rows_of(A, keep)
-    row, column = blocks.position[keep][owner], blocks.position[A.indices[at]]
+    owner, entry = _rows_of(A, keep)
+    row = blocks.position[keep][owner]
+    column = blocks.position[A.indices[entry]]
     use = (column >= 0) & (column <= row)
-    return _single(row[use], column[use], at[use])
+    return _single(row[use], column[use], entry[use])
 
 
 def _single(a: Ints, b: Ints, source: Ints) -> _Entries:
@@ -332,8 +341,7 @@ def _single(a: Ints, b: Ints, source: Ints) -> _Entries:
     return _Entries(np.minimum(a, b), np.maximum(a, b), source, none, none)
 
 
-# -- boundaries of fronts
-# -------------------------------------------------------------------------------
+# -- boundaries of fronts --------------------------------------------------------------------------
 
 
 class _Boundaries(NamedTuple):
@@ -356,13 +364,14 @@ class _Boundaries(NamedTuple):
 def _boundaries(
     full: _Entries, single: _Entries, blocks: _Blocks, tree: EliminationTree
 ) -> _Boundaries:
-    """Return what all fronts touch: by rows of their own, and by those of their children."""
+    """Return the blocks that all fronts touch, by entries of A and by their children."""
     count, fronts = len(blocks.start), len(tree.parent)
     above = np.zeros(0, dtype=np.int64)
-    own = _distinct(np.append(_outer_keys(full, blocks), _outer_keys(single, blocks)))
-    level, levels = tree.level[own // count], list[Ints]()
+    by_entries = _distinct(np.append(_outer_keys(full, blocks), _outer_keys(single, blocks)))
+    level = tree.level[by_entries // count]
+    levels = list[Ints]()
     for d in np.unique(tree.level)[::-1]:
-        touched = _distinct(np.append(own[level == d], above))
+        touched = _distinct(np.append(by_entries[level == d], above))
         levels.append(touched)
         parent, block = tree.parent[touched // count], touched % count
         passes_on = blocks.front[block] != parent
@@ -377,7 +386,7 @@ def _boundaries(
 
 
 def _outer_keys(entries: _Entries, blocks: _Blocks) -> Ints:
-    """Return front·B + block of all entries below the own unknowns of their front."""
+    """Return front·B + block of all entries below the inner unknowns of their front."""
     front = blocks.front_of_position[entries.column]
     is_outside = entries.row >= blocks.stops[front]
     block = blocks.of_position[entries.row[is_outside]]
@@ -406,9 +415,9 @@ def _runs(boundaries: _Boundaries, blocks: _Blocks, parents: Ints) -> list[list[
     to = blocks.start[block] - blocks.first[parent]
     up = parent[is_outside]
     keys = up * len(blocks.start) + block[is_outside]
-    at = np.searchsorted(boundaries.keys, keys)
-    to[is_outside] = (blocks.stops - blocks.first)[up] + place[at]
-    # a run ends where places, the front, or own unknowns of the parent do not go on
+    key = np.searchsorted(boundaries.keys, keys)
+    to[is_outside] = (blocks.stops - blocks.first)[up] + place[key]
+    # a run ends where places, the front, or inner unknowns of the parent do not go on
     width = blocks.width[block]
     begins_run = np.ones(len(to), dtype=bool)
     begins_run[1:] = to[1:] != (to + width)[:-1]
@@ -416,14 +425,13 @@ def _runs(boundaries: _Boundaries, blocks: _Blocks, parents: Ints) -> list[list[
     begins_run[1:] |= is_outside[1:] != is_outside[:-1]
     starts = np.flatnonzero(begins_run)
     ends = np.append(starts, len(to))[1:] - 1
-    rows = place[starts].tolist(), (place + width)[ends].tolist(), to[starts].tolist()
-    runs = list(zip(*rows, strict=True))
+    columns = place[starts], (place + width)[ends], to[starts]
+    runs = list(zip(*(column.tolist() for column in columns), strict=True))
     cuts = np.searchsorted(front[starts], np.arange(len(parents) + 1)).tolist()
     return [runs[a:b] for a, b in pairwise(cuts)]
 
 
-# -- where entries go
-# -----------------------------------------------------------------------------------
+# -- where entries go ------------------------------------------------------------------------------
 
 
 def _layout(
@@ -444,8 +452,10 @@ def _layout(
     is_single = np.repeat(np.tile([False, True], len(counts)), counts.ravel())
     source = np.empty(len(is_single), dtype=full_source.dtype)
     target = np.empty(len(is_single), dtype=np.int32)
-    source[is_single], source[~is_single] = single.source, full_source
-    target[is_single], target[~is_single] = single_target, full_target
+    source[is_single] = single.source
+    source[~is_single] = full_source
+    target[is_single] = single_target
+    target[~is_single] = full_target
     return source, target, np.append(0, np.cumsum(counts.sum(axis=1))).tolist()
 
 
@@ -454,16 +464,17 @@ def _places(entries: _Entries, blocks: _Blocks, boundaries: _Boundaries) -> tupl
     column, row = entries.column, entries.row
     front = blocks.front_of_position[column]
     first = blocks.first[front]
-    own = blocks.stops[front] - first
+    width = blocks.stops[front] - first
     column_in_front = column - first
-    stride = own.copy()
-    place = own * column_in_front + (row - first)
+    stride = width.copy()
+    place = width * column_in_front + (row - first)
     outside = np.flatnonzero(row >= blocks.stops[front])
-    front, row, own = front[outside], row[outside], own[outside]
+    front, row, width = front[outside], row[outside], width[outside]
     block = blocks.of_position[row]
-    at = np.searchsorted(boundaries.keys, front.astype(np.int64) * len(blocks.start) + block)
+    keys = front.astype(np.int64) * len(blocks.start) + block
+    key = np.searchsorted(boundaries.keys, keys)
     size = boundaries.sizes[front]
     stride[outside] = size
-    row_in_boundary = boundaries.place[at] + (row - blocks.start[block])
-    place[outside] = own**2 + size * column_in_front[outside] + row_in_boundary
+    row_in_boundary = boundaries.place[key] + (row - blocks.start[block])
+    place[outside] = width**2 + size * column_in_front[outside] + row_in_boundary
     return place, stride

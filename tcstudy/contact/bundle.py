@@ -42,13 +42,13 @@ The condensed contact problem is such a function,
 
 f(v) = L̃(v) = ½vᵀÃv − l̃ᵀv + Σc_i j(v_i),   g(v) = Ãv − l̃ + c b(v),   G(v) = Ã + diag(c b′(v))
 
-with the right limits of b and b′ at a kink: one selection of ∂L̃(v) (Šestak & Jovanović, Appl. Math.
-Mech. 31 (2010), §3, eqs. 20, 21). A node that slips is smooth and costs nothing; every sticking
-node is a direction in which L̃ is nonsmooth and needs a subgradient, so iterations grow with the
-number of sticking nodes. The iteration deliberately makes no use of the separable structure of Ψ.
-It is used to stop: once the predicted decrease is small, the pieces that the nodes seem to be on
-are tried (solution.py). Where they satisfy the inclusion (21) at no higher energy the remaining
-iterations, which would only add digits, are left out.
+with the right limits of b and b′ at a kink: one selection of ∂L̃(v) (Šestak & Jovanović, Appl.
+Math. Mech. 31 (2010), §3, eqs. 20, 21). A node that slips is smooth and costs nothing. Every
+sticking node is a direction in which L̃ is nonsmooth and needs a subgradient, so iterations grow
+with the number of sticking nodes. The iteration deliberately makes no use of the separable
+structure of Ψ. Only the end does: once the predicted decrease is small, the pieces that the nodes
+seem to be on are tried (solution.py). Where they satisfy the inclusion (21) at no higher energy the
+remaining iterations, which would only add digits, are left out.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class Bundle:
     @property
     def finite(self) -> bool:
         """True if f, g and G are all finite."""
-        return all(bool(np.all(np.isfinite(numbers))) for numbers in (self.f, self.g, self.G))
+        return all(np.all(np.isfinite(numbers)) for numbers in (self.f, self.g, self.G))
 
     def take(self, index: NDArray[np.intp]) -> Bundle:
         """Return the numbered pieces."""

@@ -267,7 +267,8 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
 
 def _residual_rounding(rows: ContactProblem, v: Array, xi: Array) -> Array:
     """Return (R,) what rounding of the largest terms of ξ leaves of the residual."""
-    terms = np.diagonal(rows.body.A_tilde) * np.abs(v) + np.abs(rows.l_tilde) + np.abs(xi)
+    stiffness = np.diagonal(rows.body.A_tilde)
+    terms = stiffness * np.abs(v) + np.abs(rows.l_tilde) + np.abs(xi)
     largest = np.max(terms / rows.body.c, axis=1, initial=0.0)
     return np.asarray(np.finfo(float).eps * largest / rows.scale(xi))
 
@@ -313,10 +314,11 @@ def _stay_downhill(
     """
     for i in np.flatnonzero(~step.is_level):
         if is_helped:
-            one = np.array([i])
-            step.v[i] = _out_of_flat(rows.take(one), v[one], xi[one], s.take(one))
+            index = np.array([i])
+            step.v[i] = _out_of_flat(rows.take(index), v[index], xi[index], s.take(index))
         else:
-            step.v[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], step.v[i])
+            row = rows.single(int(i))
+            step.v[i] = _first_rest(row, v[i], xi[i], s.descent[i], step.v[i])
 
 
 def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
@@ -379,8 +381,9 @@ def _end_of_pieces(law: Laws, piece: Index, v: Array, target: Array) -> Array:
     """Return the target, moved on to where the first node leaves its piece if that lies behind."""
     step = target - v
     end = np.where(step > 0.0, law.upper.take(piece), law.lower.take(piece))
+    reach = np.full(len(v), np.inf)
     with np.errstate(over="ignore"):
-        reach = np.divide(end - v, step, out=np.full(len(v), np.inf), where=step != 0.0)
+        np.divide(end - v, step, out=reach, where=step != 0.0)
     node = int(np.argmin(reach))
     if 1.0 < reach[node] < np.inf:
         target = v + reach[node] * step

@@ -24,9 +24,9 @@ keeps its value at v:
     min over w  ½wᵀÃw − (l̃ − c·rest)ᵀw + Σ c_i j_↑(w_i)
 
 For a law that nowhere softens this is the problem itself. Otherwise −j of the rest bends up, so
-that the model lies above L̃ and its minimum is no higher than v. The law b_↑ is a sum of elements: a
-line of the least slope, and for each up-jump or steeper piece a force e in [0, h] that grows as the
-slip passes s:
+that the model lies above L̃ and its minimum is no higher than v. The law b_↑ is a sum of elements:
+a line of the least slope, and for each up-jump or steeper piece a force e in [0, h] that grows as
+the slip passes s:
 
     w_i − s = γ e + x⁺ − x⁻,   0 ≤ e ⟂ x⁻ ≥ 0,   0 ≤ h − e ⟂ x⁺ ≥ 0
 
@@ -85,6 +85,11 @@ def with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
     matrix = M.take(nodes, axis=0).take(nodes, axis=1)  # faster than one fancy index
     matrix.reshape(-1)[:: len(nodes) + 1] += added
     return matrix
+
+
+def _diagonal(matrix: Array) -> Array:
+    """Return a view of the diagonal of a matrix in C order."""
+    return matrix.reshape(-1)[:: len(matrix) + 1]
 
 
 def cholesky(matrix: Array) -> tuple[Array, int]:
@@ -186,8 +191,8 @@ def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
         right = left
         jump = np.zeros(v.shape, dtype=bool)
     descent = steeper(left, right, jump)
-    residual = np.max(np.abs(descent) / c, axis=-1, initial=0.0) / problem.scale(xi)
-    return Slopes(at, left, right, descent, jump, residual)
+    largest = np.max(np.abs(descent) / c, axis=-1, initial=0.0)
+    return Slopes(at, left, right, descent, jump, largest / problem.scale(xi))
 
 
 def steeper(left: Array, right: Array, jump: Flags) -> Array:
@@ -305,7 +310,8 @@ def _solve_stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
         rows = np.flatnonzero(width == n)
         nodes = order[rows, :n]
         valid = np.arange(n) < size[rows, None]
-        stack = M.reshape(-1).take(nodes[:, :, None] * len(M) + nodes[:, None, :])
+        entries = nodes[:, :, None] * len(M) + nodes[:, None, :]
+        stack = M.reshape(-1).take(entries)
         stack *= valid[:, :, None] & valid[:, None, :]
         added = np.where(valid, np.take_along_axis(diagonal[rows], nodes, 1), 1.0)
         np.einsum("rii->ri", stack)[...] += added
@@ -377,7 +383,7 @@ def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple
     body, law = rows.body, rows.law
     free, piece = s.free, s.piece
     stiffness = np.where(free, body.c * law.slope(v, piece), 0.0)
-    lower = v.copy()
+    target = v.copy()
     is_saddle = np.zeros(len(v), dtype=bool)
     for i in np.flatnonzero(np.any(stiffness < 0.0, axis=1)):
         nodes = np.flatnonzero(free[i])
@@ -389,22 +395,24 @@ def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple
         slope = np.where(direction > 0.0, s.right[i], s.left[i])
         if float(slope @ direction) > 0.0:
             direction = -direction
-        end = np.where(direction > 0.0, law.upper.take(piece[i]), law.lower.take(piece[i]))
+        upper, lower = law.upper.take(piece[i]), law.lower.take(piece[i])
+        end = np.where(direction > 0.0, upper, lower)
         reach = np.full(body.m, np.inf)
         np.divide(end - v[i], direction, out=reach, where=direction != 0.0)
         length = float(np.min(reach[reach > 0.0], initial=np.inf))
         if not np.isfinite(length):
             continue
-        one = np.array([i])
-        row, at = rows.take(one), Place(s.at.piece[one], s.at.on[one])
+        index = np.array([i])
+        row = rows.take(index)
+        at = Place(s.at.piece[index], s.at.on[index])
         for part in _SADDLE_STEPS:
-            target = v[i] + part * length * direction
-            change, work = row.energy_change(v[one], target[None], xi[one], at)
+            end = v[i] + part * length * direction
+            change, work = row.energy_change(v[index], end[None], xi[index], at)
             if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
-                lower[i] = target
+                target[i] = end
                 is_saddle[i] = True
                 break
-    return lower, is_saddle
+    return target, is_saddle
 
 
 # -- convex model ----------------------------------------------------------------------------------
@@ -417,7 +425,7 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     """
     elements = _elements(problem.law.tables, problem.law.node_index(problem.m))
     matrix = problem.A_tilde.copy()
-    matrix.reshape(-1)[:: len(v) + 1] += problem.c * elements.slope
+    _diagonal(matrix)[:] += problem.c * elements.slope
     load = problem.l_tilde - problem.c * _rest_of_law(problem, v, elements)
     if not len(elements.s):
         _, w, info = scipy.linalg.lapack.dposv(matrix, load, lower=1)
@@ -474,7 +482,8 @@ def _elements(laws: Laws, index: Index) -> _Elements:
     extra = np.where(slope > least, slope - least, 1.0)
     is_jump = laws.kinds == UP
     is_steeper = (slope > least) & (low < high)
-    is_used = np.any(np.append(is_jump, is_steeper, axis=1)[np.unique(index)], axis=0)
+    is_element = np.append(is_jump, is_steeper, axis=1)
+    is_used = np.any(is_element[np.unique(index)], axis=0)
 
     def column(of_jump: ArrayLike, of_piece: ArrayLike, otherwise: float) -> Array:
         jumps = np.where(is_jump, of_jump, otherwise)
@@ -558,9 +567,11 @@ class _ConvexModel:
         gamma, sign = self.elements.gamma, self.elements.sign
         is_capped, problem = self.is_capped, self.problem
         size = float(np.max(np.abs(h[is_capped]), initial=0.0)) or problem.traction_scale
-        load = np.max(np.abs(problem.l_tilde) + problem.c * size)
-        reach = float(load / np.min(self.matrix.reshape(-1)[:: len(v) + 1]))
-        reach = max(float(np.max(np.abs(v - s))), reach if np.isfinite(reach) else 0.0)
+        largest_load = np.max(np.abs(problem.l_tilde) + problem.c * size)
+        reach = float(largest_load / np.min(_diagonal(self.matrix)))
+        if not np.isfinite(reach):
+            reach = 0.0
+        reach = max(float(np.max(np.abs(v - s))), reach)
         e = np.where(is_capped, 0.5 * h, size)
         gap = sign * (v - s) - gamma * e
         behind = np.where(is_capped, np.maximum(gap, 0.0) + reach, 0.0)
@@ -580,10 +591,11 @@ class _ConvexModel:
         gamma, sign = self.elements.gamma, self.elements.sign
         forces, gaps, c = point.forces, point.gaps, self.problem.c
         theta = gamma + gaps[1] / forces[1] + gaps[0] / forces[0]
-        balance = self.load - self.matrix @ point.w - c * np.sum(sign * forces[0], axis=0)
+        friction = c * np.sum(sign * forces[0], axis=0)
+        balance = self.load - self.matrix @ point.w - friction
         missing = sign * (point.w - self.elements.s) - gamma * forces[0] - gaps[1] + gaps[0]
         lifted = self.matrix.copy()
-        lifted.reshape(-1)[:: len(point.w) + 1] += c * np.sum(sign**2 / theta, axis=0)
+        _diagonal(lifted)[:] += c * np.sum(sign**2 / theta, axis=0)
         factor, info = cholesky(lifted)
         if info != 0:
             return None
@@ -606,10 +618,10 @@ class _ConvexModel:
         return solve(self.is_pair * (centre - forces * gaps - second_order))
 
     def on_jumps(self, point: _Point) -> Array:
-        """Return the displacements (m,), to the bit on the jumps whose force is inside its range."""
+        """Return w (m,), put to the bit on the jumps whose force is inside its range."""
         s, h = self.elements.s, self.elements.h
         w = point.w
-        reach = max(float(np.max(np.abs(w - s))), float(np.finfo(float).tiny))
+        reach = max(np.max(np.abs(w - s)), np.finfo(float).tiny)
         sticks = np.all(point.gaps < point.forces / h * reach, axis=0)
         row, node = np.nonzero((self.elements.kink >= 0) & sticks)
         w[node] = np.broadcast_to(s, h.shape)[row, node]

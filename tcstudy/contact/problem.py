@@ -1,4 +1,4 @@
-"""The condensed contact problem on plain arrays, one or rows of one body; the test of its solutions.
+"""The condensed contact problem on plain arrays, one or rows of a body; the test of its solutions.
 
 Problem:    0 ∈ ∂L̃(v),  L̃(v) = ½vᵀÃv − l̃ᵀv + Ψ(v),  Ψ(v) = Σ c_i j(v_i)
 Acceptance: ξ = l̃ − Ãv with ξ_i ∈ c_i b̂(v_i), i = 1..m, eq. (21)
@@ -9,8 +9,8 @@ of problems. A body whose E varies is one body, too: divide the problem by E.
 
 Large bodies have coarser copies of themselves, which give starts (nested iteration). The Galerkin
 restriction to every second contact node with linear interpolation P is a contact problem again and
-costs an eighth: Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and those nodes' laws. The nodes are taken in the
-order of their numbers, along Γ_C; another order costs quality of the start, never correctness.
+costs an eighth: Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and those nodes' laws. The nodes are taken in
+the order of their numbers, along Γ_C; another order costs quality of the start, never correctness.
 """
 
 from __future__ import annotations
@@ -260,7 +260,7 @@ class ContactProblem:
         return change, np.abs(work).sum(axis=-1)
 
     def xi(self, v: Array) -> Array:
-        """Return nodal friction forces ξ = l̃ − Ãv, eq. (21) [N/m]; ξ_i/c_i is the traction −S_T."""
+        """Return friction forces ξ = l̃ − Ãv, eq. (21) [N/m]; ξ_i/c_i is the traction −S_T."""
         return np.asarray(self.l_tilde - v @ self.A_tilde)
 
     @cached_property
@@ -293,7 +293,8 @@ class ContactProblem:
         slope_right = np.abs(law.slope(v, at.piece + at.on))
         change = np.maximum(slope_left, slope_right) * np.abs(v)
         size = self._size(v, load) + np.where(law.kind(at) == BEND, change, 0.0)
-        return np.sqrt(self.m) * np.finfo(float).eps * np.max(size, axis=-1, initial=0.0)
+        largest = np.max(size, axis=-1, initial=0.0)
+        return np.sqrt(self.m) * np.finfo(float).eps * largest
 
     def _size(self, v: Array, load: Array | None = None) -> Array:
         """Return the size of the terms of tractions, (|l̃| + |Ã||v|)/c [Pa]."""
@@ -334,8 +335,10 @@ class ContactProblem:
         law = self.law
         xi = self.xi(v)
         at = law.locate(v)
-        terms = np.maximum(law.terms(v, at.piece), law.terms(v, at.piece + at.on))
-        error = np.finfo(float).eps * ((np.sqrt(self.m) + 1.0) * self._size(v) + 2.0 * terms)
+        terms_left = law.terms(v, at.piece)
+        terms_right = law.terms(v, at.piece + at.on)
+        terms = (np.sqrt(self.m) + 1.0) * self._size(v) + 2.0 * np.maximum(terms_left, terms_right)
+        error = np.finfo(float).eps * terms
         traction = xi / self.c
         low, high = law.interval(v, place=at)
         distance = np.maximum(low - traction, traction - high)
@@ -349,10 +352,12 @@ class ContactProblem:
         of_law = self._law_scale
         if np.all(of_law > 0.0):
             return of_law
-        forces = np.max(np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c, axis=-1, initial=0.0)
+        tractions = np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c
+        largest = np.max(tractions, axis=-1, initial=0.0)
         low, high = self.law.interval(np.zeros(self.l_tilde.shape))
-        b_0 = np.max(np.maximum(np.abs(low), np.abs(high)), axis=-1, initial=0.0)
-        otherwise = np.where(forces > 0.0, forces, np.where(b_0 > 0.0, b_0, 1.0))
+        sizes = np.maximum(np.abs(low), np.abs(high))
+        b_0 = np.max(sizes, axis=-1, initial=0.0)
+        otherwise = np.where(largest > 0.0, largest, np.where(b_0 > 0.0, b_0, 1.0))
         return np.where(of_law > 0.0, of_law, otherwise)[()]
 
     @cached_property

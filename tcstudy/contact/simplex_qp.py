@@ -166,8 +166,8 @@ class WorkingSet:
 
     def rounding(self, q: Array) -> Array:
         """Return (N,) the rounding error of c_j + a_jᵀq."""
-        bound: Array = 4.0 * EPS * (np.abs(self.c) + self.sizes * float(np.linalg.norm(q)))
-        return bound
+        length = float(np.linalg.norm(q))
+        return np.asarray(4.0 * EPS * (np.abs(self.c) + self.sizes * length))
 
     def restart(self, index: Index, shares: Array, least: float = 0.0) -> None:
         """Take these pieces as the working set, but none that depends on others.
@@ -175,7 +175,8 @@ class WorkingSet:
         shares: their multipliers > 0, of any sum;  least: smallest s
         """
         T = self.metric.whiten(self.A[index])
-        self.s = max(float(np.median(np.linalg.norm(T, axis=1))), least) or 1.0
+        size = float(np.median(np.linalg.norm(T, axis=1)))
+        self.s = max(size, least) or 1.0
         M = np.column_stack([T, np.full(len(T), self.s)])
         scaled = M / np.linalg.norm(M, axis=1)[:, None]
         R, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)

@@ -54,7 +54,7 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 TIE = 1e-12
-"""Relative difference of energies up to which two answers are equally low; the earlier start wins."""
+"""Relative difference of energies up to which two are equal; the earlier start then wins."""
 MAX_MOVES = 20
 """Moves of single nodes in a row (trials needed two)."""
 MAX_ROUNDINGS = 100.0
@@ -62,7 +62,7 @@ MAX_ROUNDINGS = 100.0
 ACCURACY = 1e-12
 """Residual that methods work for, whatever larger one is accepted."""
 SEMIDEFINITE = 1e-9
-"""Part of the largest entry of Ã up to which negative eigenvalues are rounding (rigid-body mode)."""
+"""Part of the largest entry of Ã up to which negative eigenvalues are rounding."""
 NOT_POSITIVE_DEFINITE = (
     "the condensed stiffness is not positive definite; the body can move freely (clamp it) or its "
     "elastic constants are wrong"
@@ -141,7 +141,8 @@ def solve_block(
     loads:      (P, m) l̃ of every point [N/m]
     laws:       the law of every row, or of every node
     branch, tolerance: as in `solve_contact`
-    neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without one [m]
+    neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without
+                one [m]
     exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest"
                 [m]
     limits:     of the search for all solutions of every point, None if these are not requested.
@@ -331,13 +332,8 @@ class SolutionBlock:
             has_moved = np.zeros(len(self.v), dtype=bool)
             for k in range(int(np.max(rank, initial=-1)) + 1):
                 tried = np.flatnonzero((rank == k) & ~has_moved[point])
-                has_moved[point[tried]] |= self.offer(
-                    point[tried],
-                    ended.v[tried],
-                    ended.residual[tried],
-                    ESCAPE,
-                    ended.steps[tried],
-                )
+                v, residual, steps = ended.v[tried], ended.residual[tried], ended.steps[tried]
+                has_moved[point[tried]] |= self.offer(point[tried], v, residual, ESCAPE, steps)
             points = self.unproved(np.flatnonzero(has_moved))
 
     def begin_elsewhere(self) -> None:
@@ -359,7 +355,8 @@ class SolutionBlock:
         self.energies[is_unique, EXACT] = self.energy[is_unique]
         for p in np.flatnonzero(~is_unique):
             end = polished(self.rows.single(int(p)), exact, exact=False)
-            self.offer(np.array([p]), end.v[None], np.array([end.residual]), EXACT)
+            residual = np.array([end.residual])
+            self.offer(np.array([p]), end.v[None], residual, EXACT)
 
     def take_least(self, solutions: Sequence[Equilibria]) -> None:
         """Take the least solution of every point where all solutions are known.
@@ -490,7 +487,8 @@ def solve_contact(
     near = None if neighbour is None else np.asarray(neighbour, dtype=float)
     if solver != SEPARABLE:
         return _by_bundle(problem, Acceptance(tolerance), max_iterations, branch, near, exact)
-    if not all(np.all(np.isfinite(x)) for x in (problem.A_tilde, problem.l_tilde, problem.c)):
+    arrays = (problem.A_tilde, problem.l_tilde, problem.c)
+    if not all(np.all(np.isfinite(numbers)) for numbers in arrays):
         return unsolved(problem, Status.NOT_FINITE, NOT_FINITE, np.nan)
     rows = problem.rows
     if rows.body.loose:

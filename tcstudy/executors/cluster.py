@@ -1,11 +1,10 @@
-"""Calls done by the workers of a dask scheduler, on this machine or on many; needs
-dask.distributed.
+"""Calls done by the workers of a dask scheduler, on this machine or on many.
 
-A dask worker hands its call to a process beside it (executors.processes). A call that kills,
-crashes or hangs takes that process along and not the worker, is tried again and told in the same
-words as everywhere, and dask, which counts a killed worker against all calls that it had, hears
-nothing of it. What is left to dask is a machine that goes away: it gives the calls to others. A
-scheduler that goes away is waited for as long as at the start.
+It needs dask.distributed. A dask worker hands its call to a process beside it
+(executors.processes). A call that kills, crashes or hangs ends that process and not the worker. It
+is tried again and reported like everywhere. Dask counts a killed worker against all calls that it
+had, so it must not see that. Dask only handles a machine that goes away: it gives the calls to
+others. If the scheduler goes away the executor waits for it as long as at the start.
 """
 
 from __future__ import annotations
@@ -30,15 +29,15 @@ from tcstudy.executors.processes import (
 )
 
 LOCAL = "local"
-"""The address of a scheduler that is started here, with as many workers as asked for."""
+"""The address of a scheduler that is started here, with as many workers as requested."""
 CONNECT = 4.0
 """Seconds in which a scheduler must answer, the first time and after it was lost."""
 CLOSE = 10.0
-"""Seconds in which it must say goodbye."""
-LOST = 3
+"""Seconds in which a connection must close."""
+MAX_LOSSES = 3
 """Times that a call may get lost between scheduler and workers."""
-FRESH = 2.0
-"""Seconds for which the number of workers is taken as known."""
+COUNT_AGE = 2.0
+"""Seconds after which the workers are counted again."""
 
 
 class DaskExecutor(PackedExecutor):
@@ -47,20 +46,29 @@ class DaskExecutor(PackedExecutor):
     def __init__(
         self, address: str, workers: int | None = None, command: tuple[str, ...] = WORKER
     ) -> None:
-        """address: LOCAL or tcp://host:port;  workers: of a local one, None for one on each processor
-        command: what Python runs beside a dask worker. Raises WorkersFailed."""
+        """Connect to a scheduler; raises WorkersFailed.
+
+        address: LOCAL or tcp://host:port
+        workers: of a local scheduler, None for one on each processor
+        command: arguments of the Python process beside a dask worker
+        """
         super().__init__()
-        self.address, self.command, self._closed = address, command, False
-        self._own, self._client = _connected(address, workers)
+        self.address = address
+        self.command = command
+        self._closed = False
+        self._cluster, self._client = _connect(address, workers)
         self._names = (f"{uuid.uuid4().hex[:6]}-{i}" for i in itertools.count())
-        self._counted, self._ahead = -FRESH, 0
+        self._count_time = -COUNT_AGE
+        self._ahead = 0
 
     @property
     def ahead(self) -> int:
         """Two calls for each thread of the workers, which come and go."""
-        if time.monotonic() - self._counted > FRESH and self._client.status == "running":
-            self._ahead = 2 * max(1, self._client.scheduler_info(n_workers=1)["total_threads"])
-            self._counted = time.monotonic()
+        is_old = time.monotonic() - self._count_time > COUNT_AGE
+        if is_old and self._client.status == "running":
+            threads = self._client.scheduler_info(n_workers=1)["total_threads"]
+            self._ahead = 2 * max(1, threads)
+            self._count_time = time.monotonic()
         return self._ahead
 
     def run(self, call: bytes, timeout: float, name: str = "") -> bytes:
@@ -68,12 +76,10 @@ class DaskExecutor(PackedExecutor):
         from distributed import KilledWorker
         from distributed.client import ClosedClientError
 
-        for _ in range(LOST):
+        no_warning = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
+        for _ in range(MAX_LOSSES):
             try:
-                with (
-                    _lock,
-                    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TB"}),
-                ):
+                with _lock, dask.config.set(no_warning):
                     key = f"{name or 'block'} {next(self._names)}"
                     future = self._client.submit(
                         run_beside, call, timeout, self.command, key=key, pure=False
@@ -86,24 +92,27 @@ class DaskExecutor(PackedExecutor):
                 self._wait_for_scheduler()
             else:
                 return answer
-        raise WorkerDied(f"the dask scheduler lost this {LOST} times: {reason}")
+        raise WorkerDied(f"the dask scheduler lost this {MAX_LOSSES} times: {reason}")
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        """Cancel what is under way, and end the workers that were started here."""
+        """Cancel the calls under way, and end the workers that were started here."""
         self._closed = True
         self._threads.shutdown(wait=False, cancel_futures=cancel_futures)
-        if self._own is not None and (beside := _beside.pop(self.command, None)) is not None:
-            beside.shutdown()
-        for one in filter(None, (self._client, self._own)):
-            with contextlib.suppress(TimeoutError):  # it ends with this process
-                one.close(timeout=CLOSE)
+        if self._cluster is not None:
+            executor = _beside.pop(self.command, None)
+            if executor is not None:
+                executor.shutdown()
+        for connection in (self._client, self._cluster):
+            if connection:
+                with contextlib.suppress(TimeoutError):  # it ends with this process
+                    connection.close(timeout=CLOSE)
 
     def _wait_for_scheduler(self) -> None:
-        """Return when it answers again; raises WorkersFailed if it does not."""
+        """Return when the scheduler answers again; raises WorkersFailed if it does not."""
         deadline = time.monotonic() + CONNECT + 1.0
-        while (
-            self._client.status == "connecting" and not self._closed and time.monotonic() < deadline
-        ):
+        while self._client.status == "connecting" and not self._closed:
+            if time.monotonic() >= deadline:
+                break
             time.sleep(0.1)
         if self._closed:
             raise WorkerDied("the run was ended")
@@ -112,8 +121,8 @@ class DaskExecutor(PackedExecutor):
             raise WorkersFailed(f"the dask scheduler {self.address} was lost; {remedy}")
 
 
-def _connected(address: str, workers: int | None) -> tuple[Any, Any]:
-    """(the cluster if it was started here, a client). Raises WorkersFailed."""
+def _connect(address: str, workers: int | None) -> tuple[Any, Any]:
+    """Return the cluster if it was started here, and a client; raises WorkersFailed."""
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
@@ -123,38 +132,38 @@ def _connected(address: str, workers: int | None) -> tuple[Any, Any]:
 
     class QuietClient(Client):
         def __del__(self) -> None:
-            """`shutdown` closes it; one that was never connected would wait for its scheduler
-            again, and complain."""
+            """Do nothing, as `shutdown` closes it.
 
-    for name in ("distributed", "distributed.client"):  # what happens is said here, in one line
+            One that was never connected would wait for its scheduler again, and complain.
+            """
+
+    for name in ("distributed", "distributed.client"):  # errors are reported here, in one line
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         if address != LOCAL:
             _greet(address)
             return None, QuietClient(address, timeout=CONNECT, set_as_default=False)
-        # without processes of dask, which would import the user's script again: calls have their
-        # own
-        own = LocalCluster(
+        # without processes of dask, which would import the user's script again: each call has one
+        cluster = LocalCluster(
             1, workers or available(), processes=False, dashboard_address="127.0.0.1:0"
         )
-        return own, QuietClient(own, set_as_default=False)
-    except (
-        Exception
-    ) as error:  # MemoryError, where the answer of something else is read as the length of an array
+        return cluster, QuietClient(cluster, set_as_default=False)
+    # also MemoryError: the answer of another service may be read as the length of an array
+    except Exception as error:
         remedy = "start one with `dask scheduler`, or run without --dask"
-        why = (
-            str(error)
-            if isinstance(error, OSError | ValueError)
-            else "what answers there is something else"
-        )
-        raise WorkersFailed(f"no dask scheduler answers at {address} ({why}); {remedy}") from None
+        reason = "what answers there is something else"
+        if isinstance(error, OSError | ValueError):
+            reason = str(error)
+        raise WorkersFailed(
+            f"no dask scheduler answers at {address} ({reason}); {remedy}"
+        ) from None
 
 
 def _greet(address: str) -> None:
-    """Shake hands with what answers at an address, in CONNECT seconds.
+    """Shake hands with the scheduler at an address, in CONNECT seconds.
 
-    A client of dask waits for ever for the hand of a peer that takes the connection and is silent.
-    Raises OSError if there is no answer in time, anything for one that is none of dask.
+    A client of dask waits for ever for a peer that accepts the connection and is silent. Raises
+    OSError if there is no answer in time, and any exception for an answer that is not dask's.
     """
     from distributed.comm import connect
 
@@ -165,7 +174,7 @@ def _greet(address: str) -> None:
             raise OSError(f"no word of dask within {CONNECT:g} s") from None
         line.abort()
 
-    # in a thread of its own: a notebook has a loop in this one
+    # in another thread: in a notebook this one has an event loop already
     with ThreadPoolExecutor(1) as thread:
         thread.submit(asyncio.run, shake_hands()).result()
 
@@ -177,7 +186,7 @@ _lock = threading.Lock()
 
 
 def run_beside(call: bytes, timeout: float, command: tuple[str, ...]) -> bytes:
-    """Do a packed call in a process beside this dask worker, one for each of its threads."""
+    """Do a packed call in a process beside this dask worker; each of its threads has one."""
     from distributed import get_worker
 
     with _lock:

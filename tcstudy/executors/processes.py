@@ -1,14 +1,14 @@
-"""Calls of functions as concurrent.futures has them, `submit(function, *arguments)` gives a Future;
-done here, or by processes on this machine, which may die without taking anything along.
+"""Executors that call functions here, or in processes on this machine that may die.
 
-What travels to another process is packed here: (function, arguments) there, (whether it returned,
-what) back, so that nobody on the way needs the modules of either.
+They are those of concurrent.futures: `submit(function, *arguments)` gives a Future. Messages to and
+from another process are packed here: (function, arguments) there, (whether it returned, its result
+or exception) back, so that nobody on the way needs the modules of either.
 
-Each worker is a fresh Python process (no fork: NGSolve's threads would not survive it, and no
-multiprocessing spawn: it would run the user's script again), reached through a socket. What dies
-with a worker is the one call it has, which is tried again on a fresh one. concurrent.futures and
-loky lose all calls when one worker dies; pebble does not, but spawns by multiprocessing, and its
-workers outlive a parent that is killed.
+Each worker is a fresh Python process, reached through a socket: no fork, as NGSolve's threads would
+not survive it, and no multiprocessing spawn, as that would run the user's script again. Only the
+call that it has dies with a worker, and is tried again on a fresh one. concurrent.futures and loky
+lose all calls when one worker dies; pebble does not, but spawns by multiprocessing, and its workers
+outlive a parent that is killed.
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ from tcstudy.errors import UserFault
 P = ParamSpec("P")
 T = TypeVar("T")
 TIMEOUT = 600.0
-"""Seconds that a call may take before its worker counts as hanging, if nothing else is said."""
-THREADS = 1024
-"""Calls under way at most."""
-START, STARTS = 120.0, 3
-"""Seconds that a worker may take to start; those in a row that end before they are ready, after
-which none is."""
-TRIES = 2
+"""Seconds that a call may take by default before its worker counts as hanging."""
+MAX_CALLS = 1024
+"""Calls under way."""
+START_TIMEOUT = 120.0
+"""Seconds that a worker may take to start."""
+MAX_FAILED_STARTS = 3
+"""Workers in a row that may end before they are ready; then no more are started."""
+MAX_TRIES = 2
 """Workers that may die over a call."""
 ONE_THREAD = (
     "OPENBLAS_NUM_THREADS",
@@ -62,82 +63,88 @@ class WorkerDied(RuntimeError):
 
 
 class WorkersFailed(UserFault):
-    """There are no workers, or none any more; says why and what to do."""
+    """There are no workers, or no more; the text says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Job(Generic[P, T]):
-    """A function of a module, with its name where people watch the work and the seconds that a call
-    of it may take."""
+    """A function of a module, its name for people who watch, and the seconds that it may take."""
 
     function: Callable[P, T]
     name: str = ""
     timeout: float = TIMEOUT
 
-    def __call__(self, *given: P.args, **named: P.kwargs) -> T:
-        return self.function(*given, **named)
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> T:
+        return self.function(*args, **kwargs)
 
 
 class SerialExecutor(Executor):
-    """Does each call at once, in this process.
-
-    ahead: calls that an executor likes to have beside the one whose answer is waited for
-    """
+    """Does each call at once, in this process."""
 
     @property
     def ahead(self) -> int:
+        """Calls to submit beside the one whose answer is waited for."""
         return 0
 
-    def submit(self, function: Callable[P, T], /, *given: P.args, **named: P.kwargs) -> Future[T]:
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         future: Future[T] = Future()
         try:
             keep_freed_memory()
-            future.set_result(function(*given, **named))
-        except Exception as error:  # whoever asks for the result gets it
+            future.set_result(function(*args, **kwargs))
+        except Exception as error:  # the future raises it when its result is requested
             future.set_exception(error)
         return future
 
 
 class PackedExecutor(SerialExecutor):
-    """Has calls done elsewhere, each waited for by a thread. The future raises what the call
-    raised, or WorkerDied or WorkersFailed; numbers depend on the call alone, to the bit. `shutdown`
-    ends all workers at once."""
+    """Runs calls elsewhere, while a thread waits for each.
+
+    The future raises the exception of the call, or WorkerDied or WorkersFailed. Numbers depend on
+    the call alone, to the bit. `shutdown` ends all workers at once.
+    """
 
     def __init__(self) -> None:
-        self._threads = ThreadPoolExecutor(THREADS)
+        self._threads = ThreadPoolExecutor(MAX_CALLS)
 
-    def submit(self, function: Callable[P, T], /, *given: P.args, **named: P.kwargs) -> Future[T]:
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         job = function if isinstance(function, Job) else Job(function)
-        return self._threads.submit(self._there, job, pickle.dumps((job.function, given, named), 5))
+        call = pickle.dumps((job.function, args, kwargs), 5)
+        return self._threads.submit(self._result, job, call)
 
-    def _there(self, job: Job[..., T], call: bytes) -> T:
-        returned, answer = pickle.loads(self.run(call, job.timeout, job.name))
-        if not returned:
+    def _result(self, job: Job[..., T], call: bytes) -> T:
+        has_returned, answer = pickle.loads(self.run(call, job.timeout, job.name))
+        if not has_returned:
             raise answer
         return answer
 
     def run(self, call: bytes, timeout: float, name: str = "") -> bytes:
-        """The packed answer of a packed call. Raises WorkerDied, WorkersFailed."""
+        """Return the packed answer of a packed call; raises WorkerDied, WorkersFailed."""
         raise NotImplementedError
 
 
 def answered(call: bytes) -> bytes:
-    """Do a packed call here; an exception that would not arrive as it is becomes a RuntimeError
-    with its words."""
+    """Do a packed call here, and return its packed answer.
+
+    An exception that would not survive the way becomes a RuntimeError with its words.
+    """
     try:
-        function, given, named = pickle.loads(call)
-        return pickle.dumps((True, function(*given, **named)), 5)
+        function, args, kwargs = pickle.loads(call)
+        return pickle.dumps((True, function(*args, **kwargs)), 5)
     except Exception as error:  # the parent decides what becomes of the call
         try:
-            pickle.loads(packed := pickle.dumps((False, error)))
+            answer = pickle.dumps((False, error))
+            pickle.loads(answer)
         except Exception:
             return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
-        return packed
+        return answer
 
 
 def in_order(executor: SerialExecutor, futures: Iterable[Future[T]]) -> Iterator[Future[T]]:
-    """Futures of calls in their order, which are asked for as they are submitted: no more than the
-    executor likes are under way or wait to be taken."""
+    """Yield futures of calls in their order, and submit later ones meanwhile.
+
+    `futures` submits a call whenever it is asked for the next. No more than `executor.ahead` are
+    under way or done beside the one that is yielded.
+    """
     waiting: deque[Future[T]] = deque()
     for future in futures:
         waiting.append(future)
@@ -146,27 +153,28 @@ def in_order(executor: SerialExecutor, futures: Iterable[Future[T]]) -> Iterator
     yield from waiting
 
 
-def timed(function: Callable[..., T], *given: Any) -> tuple[T, float]:
-    """(what it returns, wall time [s] of whoever does it)."""
+def timed(function: Callable[..., T], *args: Any) -> tuple[T, float]:
+    """Return the function's result and its wall time [s]."""
     start = time.perf_counter()
-    return function(*given), time.perf_counter() - start
+    return function(*args), time.perf_counter() - start
 
 
 @cache
 def keep_freed_memory() -> None:
-    """Let the C library keep up to 64 MB of freed memory in this process, once; glibc's way,
-    without effect elsewhere.
+    """Let the C library keep up to 64 MB of freed memory in this process.
 
-    By default it gives an array of a block back to the system and asks for new, empty pages for the
-    next one, which took a quarter of the time of a block at m = 176. Its threshold is the largest
-    array freed so far, of at most 32 MB.
+    This has an effect on glibc only. By default it gives an array of a block back to the system and
+    asks for new, empty pages for the next one, which took a quarter of the time of a block at m =
+    176. Its threshold is the largest array freed so far, of at most 32 MB.
     """
     np.empty(2**25 - 2**14, dtype=np.uint8)  # never touched, so that it costs nothing
 
 
 def available() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Return the number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class _Worker:
@@ -175,7 +183,8 @@ class _Worker:
     def __init__(self, command: tuple[str, ...]) -> None:
         ours, theirs = socket.socketpair()
         with ours, theirs:
-            path = os.pathsep.join(filter(None, [str(PACKAGE), os.environ.get("PYTHONPATH", "")]))
+            paths = [str(PACKAGE), os.environ.get("PYTHONPATH", "")]
+            path = os.pathsep.join(filter(None, paths))
             self.process = subprocess.Popen(
                 [sys.executable, "-P", *command, str(theirs.fileno())],
                 env={**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path},
@@ -186,13 +195,13 @@ class _Worker:
             self.line = Connection(ours.detach())
 
     def answer(self, timeout: float) -> bytes:
-        """Its next message; EOFError or OSError if it died, TimeoutError if there is none."""
+        """Return its next message; raises EOFError or OSError if it died, TimeoutError if late."""
         if not self.line.poll(timeout):
             raise TimeoutError(f"no answer within {timeout:g} s")
         return self.line.recv_bytes()
 
     def end(self) -> str:
-        """Kill it, and say how it ended if it had."""
+        """Kill the process, and return how it ended."""
         self.process.kill()
         self.line.close()
         code = self.process.wait()
@@ -200,23 +209,32 @@ class _Worker:
             return f"it ended with exit code {code}"
         with contextlib.suppress(ValueError):
             name = signal.Signals(-code).name
-            return f"signal {name}" + (", perhaps for want of memory" if name == "SIGKILL" else "")
+            cause = ", perhaps for want of memory" if name == "SIGKILL" else ""
+            return f"signal {name}{cause}"
         return f"signal {-code}"
 
 
 class ProcessExecutor(PackedExecutor):
-    """Worker processes; they start with the first calls, as many as there are calls for, unless
-    they are warmed."""
+    """Worker processes.
+
+    They start with the first calls, as many as there are calls for, or with `warm`.
+    """
 
     def __init__(self, workers: int, command: tuple[str, ...] = WORKER) -> None:
-        """workers: at most;  command: what Python runs"""
+        """Prepare the workers.
+
+        workers: their largest number
+        command: arguments of the Python process
+        """
         super().__init__()
-        self.workers, self.command = 0, command
-        self._free: queue.LifoQueue[_Worker | None] = (
-            queue.LifoQueue()
-        )  # None: one that is not started
-        self._alive, self._lock, self._closed = set[_Worker](), threading.Lock(), False
-        self._failed_starts, self._reason = 0, ""
+        self.workers = 0
+        self.command = command
+        self._free = queue.LifoQueue[_Worker | None]()  # None: a worker that is not started
+        self._alive = set[_Worker]()
+        self._lock = threading.Lock()
+        self._closed = False
+        self._failed_starts = 0
+        self._reason = ""
         self.grow(workers)
 
     @property
@@ -224,14 +242,14 @@ class ProcessExecutor(PackedExecutor):
         return 2 * self.workers
 
     def grow(self, workers: int) -> ProcessExecutor:
-        """Let there be at least so many workers."""
+        """Allow at least so many workers."""
         while self.workers < workers:
             self.workers += 1
             self._free.put(None)
         return self
 
     def warm(self) -> ProcessExecutor:
-        """Start the workers now; whoever submits calls is told of those that do not come up."""
+        """Start the workers now; later calls report those that do not start."""
         for _ in range(self.workers):
             self.submit(int)
         return self
@@ -239,14 +257,16 @@ class ProcessExecutor(PackedExecutor):
     def run(self, call: bytes, timeout: float, name: str = "") -> bytes:
         worker = self._free.get()
         try:
-            for _ in range(TRIES):
+            for _ in range(MAX_TRIES):
                 worker = self._start(worker)
                 try:
                     worker.line.send_bytes(call)
                     return worker.answer(timeout)
                 except (EOFError, OSError) as error:
-                    reason, worker = self._end(worker), None
-                    reason = str(error) if isinstance(error, TimeoutError) else reason
+                    reason = self._end(worker)
+                    worker = None
+                    if isinstance(error, TimeoutError):
+                        reason = str(error)
             raise WorkerDied(f"the worker process that solved this died: {reason}")
         finally:
             self._free.put(worker)
@@ -262,23 +282,27 @@ class ProcessExecutor(PackedExecutor):
             self._end(worker)
 
     def _start(self, worker: _Worker | None) -> _Worker:
-        """The worker, or a fresh one that is ready; raises WorkersFailed if several in a row did
-        not come up."""
+        """Return the worker, or a fresh one that is ready.
+
+        Raises WorkersFailed if several in a row did not start.
+        """
         while worker is None:
             with self._lock:
                 if self._closed:
                     raise WorkerDied("the run was ended")
-                if self._failed_starts >= STARTS:
+                if self._failed_starts >= MAX_FAILED_STARTS:
                     raise WorkersFailed(
                         f"worker processes cannot be started ({self._reason}); run with --jobs 1"
                     )
-                self._alive.add(worker := _Worker(self.command))
+                worker = _Worker(self.command)
+                self._alive.add(worker)
             try:
-                worker.answer(START)
+                worker.answer(START_TIMEOUT)
                 self._failed_starts = 0
             except (EOFError, OSError):
-                self._reason, worker = self._end(worker), None
+                self._reason = self._end(worker)
                 self._failed_starts += 1
+                worker = None
         return worker
 
     def _end(self, worker: _Worker) -> str:

@@ -1,5 +1,4 @@
-"""A worker process: does the calls that its parent sends, one after the other, and ends when the
-parent does."""
+"""A worker process: it does the calls that its parent sends, and ends when the parent does."""
 
 from __future__ import annotations
 
@@ -12,7 +11,8 @@ import time
 import warnings
 from multiprocessing.connection import Connection
 
-import tcstudy.contact.solve  # noqa: F401 which most calls need: imported while the parent makes meshes
+# most calls need it: imported while the parent makes meshes
+import tcstudy.contact.solve  # noqa: F401
 from tcstudy.executors.processes import answered, keep_freed_memory
 
 
@@ -25,9 +25,8 @@ def follow(parent: int) -> None:
 
 def main() -> None:
     """Serve the parent whose connection has the number that is the argument."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # a terminal's Ctrl-C is for the parent, which then ends its workers
+    # a terminal's Ctrl-C is for the parent, which then ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=follow, args=(os.getppid(),), daemon=True).start()
     # as in the parent's terminal: solutions are judged by their residuals
     warnings.simplefilter("ignore", RuntimeWarning)
