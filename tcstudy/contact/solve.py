@@ -380,7 +380,7 @@ class SolutionBlock:
         self.proofs.lowest |= proved
         self.proofs.unique |= proved & (count == 1)
 
-    def answer(self, prove: bool, failed: Failure | None = None) -> Answer:
+    def answer(self, prove: bool, failed: Shortfall | None = None) -> Answer:
         """Judge all points once more at their final v and return the answer.
 
         failed: status and reason of points that are no solutions
@@ -394,9 +394,9 @@ class SolutionBlock:
             solved = np.flatnonzero(differs & judged.accepted)
             self.energies[solved, self.start[solved]] = self.energy[solved]
         if failed is None and rows.body.loose:
-            failed = Failure(Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE)
+            failed = Shortfall(Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE)
         elif failed is None:
-            failed = Failure(Status.INCLUSION_VIOLATED, STALLED)
+            failed = Shortfall(Status.INCLUSION_VIOLATED, STALLED)
         reasons = []
         for p, is_accepted in enumerate(judged.accepted.tolist()):
             reason = ""
@@ -425,7 +425,7 @@ class SolutionBlock:
         )
 
 
-class Failure(NamedTuple):
+class Shortfall(NamedTuple):
     """Status and reason of a run that finds no solution."""
 
     status: Status
@@ -591,9 +591,9 @@ def _by_bundle(
         judged = judge(problem.rows, outcome.x[None], acceptance, refine=True)
         if failed is None or judged.residual[0] < least_residual:
             least_residual = judged.residual[0]
-            failed = Failure(outcome.status, outcome.reason)
+            failed = Shortfall(outcome.status, outcome.reason)
             if outcome.converged:
-                failed = Failure(Status.INCLUSION_VIOLATED, UNFIT)
+                failed = Shortfall(Status.INCLUSION_VIOLATED, UNFIT)
             block.energy[~block.solved] = np.inf  # an infinite energy is always replaced
         block.offer(point, judged.v, judged.residual, start)
         if branch != "lowest" and block.solved[0]:
