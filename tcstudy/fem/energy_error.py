@@ -1,36 +1,32 @@
-"""Error of a P1 displacement in the energy norm, triangle by triangle; its strain and stress,
-tractions on edges.
+"""Estimate the error of a P1 displacement in the energy norm, triangle by triangle.
 
-Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e
-            σ* recovered stress (continuous P1) less βθI, r_e = what σ* leaves of the boundary
-            condition on the edge e:
-            σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the free components on
-            rollers; none on a rigid
-            edge, whose tractions balance as a whole
+Also here: its strain and stress, and the tractions on edges.
+
+Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e with
+            the recovered stress σ* (continuous P1) less βθI, and r_e what σ* leaves of the boundary
+            condition on the edge e: σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the
+            free components on rollers; none on a rigid edge, whose tractions balance as a whole
 Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
 Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
-Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
-            − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and
-            third term hold the
-            oscillation of f and g, because div σ* is constant on K, and are of higher order where u
-            is smooth
-Heat:       η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
-            q* the recovered gradient, α = 0 off Γ_θ
-Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K with ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error,
-            one order of h better than its gradient (Aubin–Nitsche, in its local form)
+Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v −
+            Iv) − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second
+            and third term hold the oscillation of f and g, because div σ* is constant on K, and are
+            of higher order where u is smooth
+Heat:       η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h
+            − θ̄)‖²_e, q* the recovered gradient, α = 0 off Γ_θ
+Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K with ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body
+            through its L² error, one order of h better than its gradient (Aubin–Nitsche, in its
+            local form)
 Interfaces: recovery stops there, nodes being one for each material (`Pieces`), since σ jumps where
-λ, μ or β do; the
-            traction is continuous: + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to either side (the
-            stiffer side bounds
-            v − Iv), and the flux: + β²/(λ+μ) (h_K/π)²/k · h_e/(π max k) ‖[k ∇θ* · n]‖²_e
+            λ, μ or β do; the traction is continuous: + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to
+            either side (the stiffer side bounds v − Iv), and the flux: + β²/(λ+μ) (h_K/π)²/k ·
+            h_e/(π max k) ‖[k ∇θ* · n]‖²_e
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen &
-Bartels, Math. Comp. 71
-            (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen,
-            Numer. Math. 99
-            (2004) 225–249 (contact)
-Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant), what arcs lose as polygons, the energy of
-            springs (of higher order); the pollution of θ from re-entrant corners; singular ends of
-            interfaces
+            Bartels, Math. Comp. 71 (2002) 945–969 (every averaging is reliable up to oscillation);
+            Bartels & Carstensen, Numer. Math. 99 (2004) 225–249 (contact)
+Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant), what arcs lose as
+            polygons, the energy of springs (of higher order); the pollution of θ from re-entrant
+            corners; singular ends of interfaces
 """
 
 from __future__ import annotations
@@ -83,7 +79,8 @@ def traction_of(stress: Array, normal: Array) -> Array:
 
     normal: (s, 2) of the segments
     """
-    n_x, n_y = normal[:, None, 0], normal[:, None, 1]
+    n_x = normal[:, None, 0]
+    n_y = normal[:, None, 1]
     xx, yy, xy = np.moveaxis(stress, -1, 0)
     return np.stack([xx * n_x + xy * n_y, xy * n_x + yy * n_y], axis=-1)
 
@@ -95,23 +92,24 @@ def tangent(normal: Array) -> Array:
 
 def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
     """Return P1 functions (s, 2, …) at the Gauss points of segments from nodal values (n, …)."""
-    first, second = nodal[segments[:, 0]], nodal[segments[:, 1]]
+    first = nodal[segments[:, 0]]
+    second = nodal[segments[:, 1]]
     return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
 
 
-def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> Array:
+def acting(mesh: PlaneMesh, name: str, role: Role, points: Array, normal: Array) -> Array:
     """Return the traction (s, 2, 2) on an edge, resultant and moment included, at points [Pa].
 
-    at: (s, 2, 2) Gauss points of the segments of the edge;  normal: (s, 2) of the segments
+    points: (s, 2, 2) Gauss points of the segments of the edge;  normal: (s, 2) of the segments
     """
-    traction = role.traction(normal[:, None], lambda value: values_at(value, at))
+    traction = role.traction(normal[:, None], lambda value: values_at(value, points))
     length = sum(curve.length for curve in mesh.geometry.curves if curve.name == name)
     traction = traction + np.array(role.force) / length
     if role.moment:
         lengths = mesh.boundary.length[mesh.on(name)]
         nodes, _, arms = edge_arms(mesh, name)
         middle = mesh.points[nodes[0]] - arms[0]
-        arm = at - middle
+        arm = points - middle
         turned = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
         inertia = np.einsum("s,sgd,sgd->", 0.5 * lengths, arm, arm)
         traction = traction + role.moment * turned / inertia
@@ -130,7 +128,9 @@ def contact_traction(
 
     u_T: (m,) slips;  xi: (m,) tractions ξ_i/c_i;  u: (2n,), which gives u_T of held nodes
     """
-    edges, on_line, segments = mesh.boundary, line.which, line.segments
+    edges = mesh.boundary
+    on_line = line.which
+    segments = line.segments
     end_xi = line.nodal(xi, mesh.n_points, np.nan)[segments]
     end_slips = line.nodal(u_T, mesh.n_points, np.nan)[segments]
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
@@ -138,7 +138,8 @@ def contact_traction(
     end_u = u.reshape(2, -1).T[segments.T]
     held_slips = np.einsum("ksd,sd->sk", end_u, tangent(edges.normal[on_line]))
     end_slips = np.where(np.isnan(end_slips), held_slips, end_slips)
-    traction = np.stack([(1.0 - w) * end_xi[:, 0] + w * end_xi[:, 1] for w in GAUSS], axis=1)
+    first_xi, second_xi = end_xi.T
+    traction = np.stack([(1.0 - w) * first_xi + w * second_xi for w in GAUSS], axis=1)
     change = end_slips[:, 1] - end_slips[:, 0]
     slip = np.stack([end_slips[:, 0] + w * change for w in GAUSS], axis=1)
     edge = np.repeat(line.segment_edge, 2)
@@ -158,9 +159,11 @@ Indices = NDArray[np.intp]
 class Pieces:
     """The mesh of a body with one node for each material that meets at a place.
 
-    mesh:      with the triangles of the whole mesh, in their order;  node: (n',) nodes of the whole mesh
+    mesh:      with the triangles of the whole mesh, in their order
+    node:      (n',) nodes of the whole mesh
     piece:     (n',) number of the scene's piece that a node belongs to
-    interface: (2, e, 2) nodes on both sides of the edges between pieces, and (2, e) the triangles there
+    interface: (2, e, 2) nodes on both sides of the edges between pieces, and (2, e) the triangles
+               there
     """
 
     mesh: PlaneMesh
@@ -198,23 +201,29 @@ def energy_squares(
     u: (2n,) displacement;  theta: (n,) temperature, both on the whole mesh
     """
     mesh = pieces.mesh
-    u, theta = u.reshape(2, -1)[:, pieces.node].ravel(), theta[pieces.node]
-    lam, mu = mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu")
+    u = u.reshape(2, -1)[:, pieces.node].ravel()
+    theta = theta[pieces.node]
+    lam = mesh.of_material(scene, "lam")
+    mu = mesh.of_material(scene, "mu")
     strain = own_strain(mesh, u)
     recovered = mesh.recovery @ strain
     sigma = _recovered_stress(pieces, recovered, theta, scene)
     squares = strain_energy(mesh, recovered[mesh.triangles] - strain[:, None], lam, mu)
     slope = mesh.gradient(sigma)
-    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
+    x_divergence = slope[:, 0, 0] + slope[:, 2, 1]
+    y_divergence = slope[:, 2, 0] + slope[:, 1, 1]
+    divergence = np.column_stack([x_divergence, y_divergence])
     f = np.stack([values_at(component, mesh.inner_points) for component in scene.f], axis=-1)
-    residual = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * mesh.area
-    squares += (mesh.diameter / np.pi) ** 2 / (2.0 * mu) * residual
+    residual = f + divergence[:, None]
+    residual_square = np.sum(residual**2, axis=(1, 2)) / 3.0 * mesh.area
+    squares += (mesh.diameter / np.pi) ** 2 / (2.0 * mu) * residual_square
     squares += edge_residual(mesh, u, sigma, scene, friction)
     squares += _jumps(pieces, sigma, theta, scene)
     if scene.material.expands:
         squares += coupling(mesh, theta, scene)
-    norm = strain_energy(mesh, np.repeat(strain[:, None], 3, axis=1), lam, mu).sum()
-    return squares, float(np.sqrt(norm))
+    constant_strain = np.repeat(strain[:, None], 3, axis=1)
+    energy = strain_energy(mesh, constant_strain, lam, mu).sum()
+    return squares, float(np.sqrt(energy))
 
 
 def _recovered_stress(pieces: Pieces, strain: Array, theta: Array, scene: Scene) -> Array:
@@ -238,7 +247,8 @@ def edge_residual(
 
     u: (2n,) displacement;  sigma: (n, 3) σ* at the nodes
     """
-    edges, roles = mesh.boundary, dict(scene.boundary)
+    edges = mesh.boundary
+    roles = dict(scene.boundary)
     xi, distance = friction
     traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
     displacement = on_segments(u.reshape(2, -1).T, mesh.segments)
@@ -249,23 +259,28 @@ def edge_residual(
         return np.asarray(np.einsum("sqd,sd->sq", vectors, directions))
 
     for index, curve in enumerate(mesh.geometry.curves):
-        here = mesh.segment_curve == index
+        on_curve = mesh.segment_curve == index
         role = roles[curve.name]
-        at, normal = edges.at[here], edges.normal[here]
+        points = edges.at[on_curve]
+        normal = edges.normal[on_curve]
         axes = normal, tangent(normal)
         # what σn should be where it is free: the load of the edge, −ξ_h t, and the force of springs
         unmoved = replace(role, moment=None) if role.moment else role
-        target = acting(mesh, curve.name, unmoved, at, normal)
-        target = target - xi[here][..., None] * axes[1][:, None]
+        target = acting(mesh, curve.name, unmoved, points, normal)
+        target = target - xi[on_curve][..., None] * axes[1][:, None]
         for k, axis in zip(role.spring, axes, strict=True):
-            target = target - k * component(displacement[here], axis)[..., None] * axis[:, None]
+            target = target - k * component(displacement[on_curve], axis)[..., None] * axis[:, None]
         if role.frame != "nt":
-            axes = np.tile([1.0, 0.0], (len(at), 1)), np.tile([0.0, 1.0], (len(at), 1))
-        for given, axis in zip(role.u, axes, strict=True):
-            if given is None and not isinstance(role, Rigid):
-                square[here] += component(traction[here] - target, axis) ** 2
-            elif isinstance(role, Clamped) and given is not None and curve.straight:
-                gap[here] += (values_at(given, at) - component(displacement[here], axis)) ** 2
+            x_axis = np.tile([1.0, 0.0], (len(points), 1))
+            y_axis = np.tile([0.0, 1.0], (len(points), 1))
+            axes = x_axis, y_axis
+        for prescribed, axis in zip(role.u, axes, strict=True):
+            if prescribed is None and not isinstance(role, Rigid):
+                square[on_curve] += component(traction[on_curve] - target, axis) ** 2
+            elif isinstance(role, Clamped) and prescribed is not None and curve.straight:
+                gap[on_curve] += (
+                    values_at(prescribed, points) - component(displacement[on_curve], axis)
+                ) ** 2
     mu = mesh.of_material(scene, "mu")[mesh.owner]
     free_terms = edges.length**2 / (2.0 * np.pi * mu) * square.mean(axis=1)
     held_terms = 2.0 * np.pi * mu * gap.mean(axis=1)
@@ -274,7 +289,8 @@ def edge_residual(
 
 def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
     """Return η_K² (t,) of a computed temperature (n,) [W K/m], 0 where nothing conducts."""
-    k, edges = mesh.of_material(scene, "k"), mesh.boundary
+    k = mesh.of_material(scene, "k")
+    edges = mesh.boundary
     gradient = mesh.gradient(theta)
     recovered = mesh.recovery @ gradient
     excess = recovered[mesh.triangles] - gradient[:, None]
@@ -302,7 +318,9 @@ def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         inside = k * mesh.area / 12.0 * squares + (mesh.diameter / np.pi) ** 2 / k * residual
         edge = edges.length**2 / (np.pi * k_e) * np.mean(flux**2, axis=1)
-    return np.where(k > 0.0, inside, 0.0) + mesh.from_segments(np.where(k_e > 0.0, edge, 0.0))
+    inside = np.where(k > 0.0, inside, 0.0)
+    edge = np.where(k_e > 0.0, edge, 0.0)
+    return inside + mesh.from_segments(edge)
 
 
 def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
@@ -315,7 +333,8 @@ def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
     if not isinstance(scene.heat.theta, Expression):
         return np.zeros(len(mesh.area))
     exact = values_at(scene.heat.theta, mesh.inner_points)
-    return factor * mesh.area * np.mean((exact - theta[mesh.triangles] @ INNER.T) ** 2, axis=1)
+    difference = exact - theta[mesh.triangles] @ INNER.T
+    return factor * mesh.area * np.mean(difference**2, axis=1)
 
 
 def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
@@ -325,9 +344,10 @@ def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
     squares = np.zeros(len(mesh.area))
     if not triangles.size:
         return squares
-    lam, mu, beta, k = (
-        mesh.of_material(scene, name)[triangles] for name in ("lam", "mu", "beta", "k")
-    )
+    lam = mesh.of_material(scene, "lam")[triangles]
+    mu = mesh.of_material(scene, "mu")[triangles]
+    beta = mesh.of_material(scene, "beta")[triangles]
+    k = mesh.of_material(scene, "k")[triangles]
     along = mesh.points[ends[0, :, 1]] - mesh.points[ends[0, :, 0]]
     length = np.linalg.norm(along, axis=1)
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
@@ -337,12 +357,11 @@ def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
     both_sides = np.stack([term, term])
     if needs_heat_solve(scene):
         gradient = mesh.recovery @ mesh.gradient(theta)
-        first, second = (
-            conductivity[:, None, None] * on_segments(gradient, side)
-            for conductivity, side in zip(k, ends, strict=True)
-        )
-        flow = np.sum((first - second) * normal[:, None], axis=-1)
-        term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * np.mean(flow**2, axis=1)
+        flux_first = k[0][:, None, None] * on_segments(gradient, ends[0])
+        flux_second = k[1][:, None, None] * on_segments(gradient, ends[1])
+        jump = np.sum((flux_first - flux_second) * normal[:, None], axis=-1)
+        mean_square = np.mean(jump**2, axis=1)
+        term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * mean_square
         coupled = beta**2 / (lam + mu) / np.where(k > 0.0, k, 1.0)
         both_sides += coupled * (length / np.pi) ** 2 * term
     np.add.at(squares, triangles, both_sides)

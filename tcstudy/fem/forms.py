@@ -1,35 +1,28 @@
-"""The discrete problem on a mesh: which displacements are held, the contact line, P1 forms and
-loads.
+"""The discrete problem on a mesh: constraints, the contact line, P1 forms and loads.
 
-Constraints:    Γ_D by component, u_N = 0 on Γ_C exactly, in a local frame where needed. At a node with one constrained
-                direction d it is (t, d) with t = (−d₂, d₁), so that the first local component is
-                free and the second is
-                fixed; on Γ_C that is (u_T, u_N). Two directions fix the node.
-Contact line:   its nodes in order, arclength, and the segment lengths c_i = meas(S_i) of method §2. A node that carries
-                no unknown (on the closure of Γ_D, or in a corner of Γ_C) gives its half cells to
-                its free neighbours,
-                so that Σ c_i = meas(Γ_C) whatever the ends.
-Rigid edges:    one unknown for each component that nothing prescribes. With w the local unknowns of the nodes, w = T w'
-                where every row of an edge and a component is ± that of one node, the master; the
-                stiffness becomes TᵀAT
-                and a load TᵀF, so that what acts on any node of the edge acts on the edge. A master
-                on the contact line
-                is a contact unknown like any other. An edge that turns has three unknowns (a_x,
-                a_y, φℓ), in rows of
-                two of its nodes: u = a + φ × (x − x_m), x_m the middle of the edge, ℓ the length of
-                its longest arm;
-                TᵀF are then its resultants and its moment over ℓ. Left out: edges that turn and
-                meet another support.
-Elasticity:     div σ + f = 0,  σ = λ tr ε(u) I + 2μ ε(u) − βθI, eqs. (1), (3);  a(u,v) = ∫cε(u):ε(v),
-                l_θ(v) = ∫f·v + β∫θ tr ε(v) + ∫_{Γ_N} g·v, eqs. (10), (11)
-Heat:           kΔθ + qχ_ω = 0,  −k∂θ/∂n = α(θ − θ̄) on Γ_θ, eqs. (2), (5);
-                k∫∇θ·∇φ + α∫_{Γ_θ}θφ = ∫_ω qφ + α∫_{Γ_θ}θ̄φ + ∫ flux φ, eq. (8)
+Constraints:    Γ_D by component, u_N = 0 on Γ_C exactly, in a local frame where needed. At a node
+                with one constrained direction d it is (t, d) with t = (−d₂, d₁), so that the first
+                local component is free and the second is fixed; on Γ_C that is (u_T, u_N). Two
+                directions fix the node.
+Contact line:   its nodes in order, arclength, and the segment lengths c_i = meas(S_i) of method §2.
+                A node that carries no unknown (on the closure of Γ_D, or in a corner of Γ_C) gives
+                its half cells to its free neighbours, so that Σ c_i = meas(Γ_C) whatever the ends.
+Rigid edges:    one unknown for each component that nothing prescribes. With w the local unknowns of
+                the nodes, w = T w' where every row of an edge and a component is ± that of one
+                node, the master; the stiffness becomes TᵀAT and a load TᵀF, so that what acts on
+                any node of the edge acts on the edge. A master on the contact line is a contact
+                unknown like any other. An edge that turns has three unknowns (a_x, a_y, φℓ), in
+                rows of two of its nodes: u = a + φ × (x − x_m), x_m the middle of the edge, ℓ the
+                length of its longest arm; TᵀF are then its resultants and its moment over ℓ. Left
+                out: edges that turn and meet another support.
+Elasticity:     div σ + f = 0,  σ = λ tr ε(u) I + 2μ ε(u) − βθI, eqs. (1), (3);  a(u,v) =
+                ∫cε(u):ε(v), l_θ(v) = ∫f·v + β∫θ tr ε(v) + ∫_{Γ_N} g·v, eqs. (10), (11)
+Heat:           kΔθ + qχ_ω = 0,  −k∂θ/∂n = α(θ − θ̄) on Γ_θ, eqs. (2), (5); k∫∇θ·∇φ + α∫_{Γ_θ}θφ =
+                ∫_ω qφ + α∫_{Γ_θ}θ̄φ + ∫ flux φ, eq. (8)
 Discretisation: P1, displacements component-blocked (x of all nodes, then y). One assembly (div·div
-on vector-valued P1)
-                of G_cd[i, j] = ∫∂_cφ_i ∂_dφ_j serves all materials and the heat problem: ∫∇θ·∇φ is
-                G_xx + G_yy,
-                ∫div u div v has the blocks G_cd, ∫2ε(u):ε(v) has G_xy and G_yx exchanged off the
-                diagonal
+                on vector-valued P1) of G_cd[i, j] = ∫∂_cφ_i ∂_dφ_j serves all materials and the
+                heat problem: ∫∇θ·∇φ is G_xx + G_yy, ∫div u div v has the blocks G_cd, ∫2ε(u):ε(v)
+                has G_xy and G_yx exchanged off the diagonal
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 """
 
@@ -80,14 +73,19 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     direction = np.concatenate([directions for _, directions, _, _ in parts])
     value = np.concatenate([values for _, _, values, _ in parts])
     order = np.argsort(node, kind="stable")
-    node, direction, value = node[order], direction[order], value[order]
+    node = node[order]
+    direction = direction[order]
+    value = value[order]
     nodes, first, count = np.unique(node, return_index=True, return_counts=True)
-    d0, v0 = direction[first], value[first]
+    d0 = direction[first]
+    v0 = value[first]
     number = np.repeat(np.arange(len(nodes)), count)
     sine = np.abs(_cross(d0[number], direction))
     # of every node the direction that is farthest from its first
     second = np.lexsort((-sine, number))[first]
-    is_fixed, d1, v1 = sine[second] > SMOOTH, direction[second], value[second]
+    is_fixed = sine[second] > SMOOTH
+    d1 = direction[second]
+    v1 = value[second]
     det = np.where(is_fixed, _cross(d0, d1), 1.0)
     u_x = (v0 * d1[:, 1] - v1 * d0[:, 1]) / det
     u_y = (v1 * d0[:, 0] - v0 * d1[:, 0]) / det
@@ -103,14 +101,19 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
             f"corner ({x:g}, {y:g}); make them agree there, or free a component",
             ("boundary",),
         )
-    n, one, two, d = mesh.n_points, nodes[~is_fixed], nodes[is_fixed], d0[~is_fixed]
+    n = mesh.n_points
+    slides = nodes[~is_fixed]
+    rests = nodes[is_fixed]
+    d = d0[~is_fixed]
     axes = np.tile(np.eye(2), (n, 1, 1))
-    fixed, values = np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
+    fixed = np.zeros(2 * n, dtype=bool)
+    values = np.zeros(2 * n)
     t = np.column_stack([-d[:, 1], d[:, 0]])
-    axes[one] = np.stack([t, d], axis=2)
-    fixed[one + n], values[one + n] = True, v0[~is_fixed]
-    fixed[two] = fixed[two + n] = True
-    values[two], values[two + n] = u[is_fixed].T
+    axes[slides] = np.stack([t, d], axis=2)
+    fixed[slides + n] = True
+    values[slides + n] = v0[~is_fixed]
+    fixed[rests] = fixed[rests + n] = True
+    values[rests], values[rests + n] = u[is_fixed].T
     return _tied(mesh, boundary, Frames(axes, fixed, values))
 
 
@@ -133,9 +136,10 @@ def _constraints(mesh: PlaneMesh, name: str, role: Role) -> Iterator[_Constraint
             raise GeometryFailed(
                 f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES
             )
-        directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
         if role.frame == "nt":
             directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
+        else:
+            directions = [np.tile(axis, (len(nodes), 1)) for axis in np.eye(2)]
         for direction, component in zip(directions, role.u, strict=True):
             if component is not None:
                 yield nodes, direction, values_at(component, mesh.points[nodes]), name
@@ -164,13 +168,16 @@ def _cross(a: Array, b: Array) -> Array:
 class ContactLine:
     """Contact unknowns in order along Γ_C (direction of t = (−n₂, n₁), one part after the other).
 
-    nodes:     (m,) mesh nodes; in the local frames their tangential rows are these very numbers
-    arclength: (m,) position along Γ_C, parts counted on one after the other [m]
-    xy:        (m, 2) coordinates [m];  c: (m,) segment lengths [m]
-    edge:      (m,) index into edge_names of the edge the node lies on
-    segments:  (s, 2) all segments of Γ_C, clamped nodes included, in order;  ends: (s, 2, 2) their ends [m]
-    which:     (s,) their places among all boundary segments of the mesh;  segment_edge: (s,) index into edge_names
-    joints:    the nodes where one edge ends and another begins, `edge` being that which begins
+    nodes:        (m,) mesh nodes; in the local frames their tangential rows are these very numbers
+    arclength:    (m,) position along Γ_C, parts counted on one after the other [m]
+    xy:           (m, 2) coordinates [m]
+    c:            (m,) segment lengths [m]
+    edge:         (m,) index into edge_names of the edge the node lies on
+    segments:     (s, 2) all segments of Γ_C, clamped nodes included, in order
+    ends:         (s, 2, 2) their ends [m]
+    which:        (s,) their places among all boundary segments of the mesh
+    segment_edge: (s,) index into edge_names
+    joints:       the nodes where one edge ends and another begins, `edge` being that which begins
     """
 
     nodes: Indices
@@ -203,7 +210,8 @@ class ContactLine:
 
         It is that of the end, or of the other one at an interface junction or a held end.
         """
-        end, other_end = self.unknowns, self.unknowns[:, ::-1]
+        end = self.unknowns
+        other_end = self.unknowns[:, ::-1]
         at_joint = np.isin(self.unknowns, self.joints.node)
         to_other = at_joint & (other_end >= 0) & ~at_joint[:, ::-1]
         return np.where((end < 0) | to_other, other_end, end)
@@ -211,7 +219,8 @@ class ContactLine:
     @cached_property
     def lengths(self) -> Array:
         """Return the lengths of the segments (s,) [m]."""
-        return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
+        along = self.ends[:, 1] - self.ends[:, 0]
+        return np.asarray(np.linalg.norm(along, axis=1))
 
     @cached_property
     def held(self) -> tuple[Indices, Indices]:
@@ -225,10 +234,10 @@ class ContactLine:
         nodal[self.nodes] = values
         return nodal
 
-    def nearest(self, at: Point) -> tuple[int, float]:
+    def nearest(self, point: Point) -> tuple[int, float]:
         """Return the segment of Γ_C nearest to a point, and the position on it from 0 to 1."""
         along = self.ends[:, 1] - self.ends[:, 0]
-        offset = np.asarray(at) - self.ends[:, 0]
+        offset = np.asarray(point) - self.ends[:, 0]
         projection = np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along)
         position = np.clip(projection, 0.0, 1.0)
         distance = np.linalg.norm(offset - position[:, None] * along, axis=1)
@@ -246,15 +255,17 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     which = np.flatnonzero(edge_of_curve[mesh.segment_curve] >= 0)
     parts = _parts(mesh.segments[which], mesh.segment_curve[which])
     which = which[np.concatenate(parts)]
-    segments, edge = mesh.segments[which], edge_of_curve[mesh.segment_curve[which]]
-    lengths = np.linalg.norm(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]], axis=1)
+    segments = mesh.segments[which]
+    edge = edge_of_curve[mesh.segment_curve[which]]
+    along = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
+    lengths = np.linalg.norm(along, axis=1)
     is_free = ~frames.fixed[segments]
     held = np.flatnonzero(~is_free.any(axis=1))
     if len(held):
         x, y = mesh.points[segments[held[0], 0]]
         raise GeometryFailed(
-            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh, "
-            "or draw short edges that stand for a curve as arcs with through"
+            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; "
+            "refine the mesh, or draw short edges that stand for a curve as arcs with through"
         )
     # half of a segment for c_i of either end; the half of a fixed end goes to the other one
     halves = np.where(is_free.all(axis=1, keepdims=True), 0.5, is_free) * lengths[:, None]
@@ -271,7 +282,9 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
             in_order.append((segments[last, 1], before[last] + lengths[last], edge[last]))
     nodes, arclength, edges = (np.concatenate(column) for column in zip(*in_order, strict=True))
     free = ~frames.fixed[nodes]
-    nodes, arclength, node_edge = nodes[free], arclength[free], edges[free].astype(np.int8)
+    nodes = nodes[free]
+    arclength = arclength[free]
+    node_edge = edges[free].astype(np.int8)
     number = np.full(mesh.n_points, -1)
     number[nodes] = np.arange(len(nodes))
     end = number[segments[:, 1]]
@@ -299,11 +312,14 @@ def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
     rank.
     """
     outgoing = {start: i for i, start in enumerate(segments[:, 0].tolist())}
-    ends, by_rank = set(segments[:, 1].tolist()), np.argsort(rank, kind="stable").tolist()
+    ends = set(segments[:, 1].tolist())
+    by_rank = np.argsort(rank, kind="stable").tolist()
     open_heads = [i for i in by_rank if int(segments[i, 0]) not in ends]
-    seen, parts = set[int](), list[list[int]]()
+    seen = set[int]()
+    parts = list[list[int]]()
     for head in [*open_heads, *by_rank]:
-        part, i = list[int](), head
+        part = list[int]()
+        i = head
         while i is not None and i not in seen:
             seen.add(i)
             part.append(i)
@@ -314,23 +330,27 @@ def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
 
 
 def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frames) -> Frames:
-    """Return the frames with all nodes of a rigid edge tied to one, if possible on the contact line.
+    """Return the frames with all nodes of a rigid edge tied to one, if possible on Γ_C.
 
     Raises GeometryFailed where another edge holds a rigid one.
     """
     rigid = [(name, role) for name, role in boundary if isinstance(role, Rigid)]
     if not rigid:
         return frames
-    n, fixed, axes = mesh.n_points, frames.fixed.copy(), frames.axes
+    n = mesh.n_points
+    fixed = frames.fixed.copy()
+    axes = frames.axes
     contact = mesh.nodes_on(*(name for name, role in boundary if isinstance(role, Contact)))
-    columns, signs = np.arange(2 * n), np.ones(2 * n)
+    columns = np.arange(2 * n)
+    signs = np.ones(2 * n)
     turning: list[tuple[Indices, Indices, Array]] = []
     for name, role in rigid:
         if role.moment is not None:
             is_tied = (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0)
             row, master, value = _turning(mesh, axes, fixed | is_tied, name)
             turning.append((row, master, value))
-            signs[row], fixed[np.setdiff1d(row, master)] = 0.0, True
+            signs[row] = 0.0
+            fixed[np.setdiff1d(row, master)] = True
             continue
         for c in unknown(role):
             nodes = mesh.nodes_on(name)
@@ -340,7 +360,9 @@ def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frame
                 raise GeometryFailed(
                     f"the rigid edge {name} meets contact at both ends; give one component", EDGES
                 )
-            columns[row[1:]], signs[row[1:]], fixed[row[1:]] = row[0], sign[1:] * sign[0], True
+            columns[row[1:]] = row[0]
+            signs[row[1:]] = sign[1:] * sign[0]
+            fixed[row[1:]] = True
     parts = [(np.arange(2 * n), columns, signs), *turning]
     row, column, value = (np.concatenate(part) for part in zip(*parts, strict=True))
     ties = sp.csr_array((value, (row, column)), shape=(2 * n, 2 * n))
@@ -364,7 +386,8 @@ def _turning(
         x, y = mesh.points[nodes[np.argmax(is_held)]]
         fault = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
         raise GeometryFailed(f"{fault}; leave out its moment", EDGES)
-    length, ones = float(np.hypot(*arms.T).max()), np.ones(len(nodes))
+    length = float(np.hypot(*arms.T).max())
+    ones = np.ones(len(nodes))
     masters = np.array([nodes[0], nodes[0] + n, nodes[-1]])  # rows of a_x, a_y and φℓ
     row = np.concatenate([nodes, nodes + n, nodes, nodes + n])
     value = np.concatenate([ones, ones, -arms[:, 1] / length, arms[:, 0] / length])
@@ -375,7 +398,7 @@ def unknown(role: Role) -> list[int]:
     """Return the components of a rigid edge that are not prescribed, none of another edge."""
     if not isinstance(role, Rigid):
         return []
-    return [component for component, given in enumerate(role.u) if given is None]
+    return [component for component, prescribed in enumerate(role.u) if prescribed is None]
 
 
 def edge_arms(mesh: PlaneMesh, name: str) -> tuple[Indices, Array, Array]:
@@ -392,10 +415,11 @@ def edge_arms(mesh: PlaneMesh, name: str) -> tuple[Indices, Array, Array]:
 
 
 def couple(mesh: PlaneMesh, name: str) -> Array:
-    """Return a load (2n,) in x and y with the moment 1 about the middle of an edge, no resultant."""
+    """Return a load (2n,) in x and y with the moment 1 about an edge's middle, no resultant."""
     nodes, share, arms = edge_arms(mesh, name)
     F = np.zeros((2, mesh.n_points))
-    F[:, nodes] = share * np.array([-arms[:, 1], arms[:, 0]]) / (share @ np.sum(arms**2, axis=1))
+    inertia = share @ np.sum(arms**2, axis=1)
+    F[:, nodes] = share * np.array([-arms[:, 1], arms[:, 0]]) / inertia
     return F.ravel()
 
 
@@ -408,19 +432,20 @@ def _rows_along(
     """
     along = axes[nodes, c]
     local = np.argmax(np.abs(along), axis=1)
-    sign, row = along[np.arange(len(nodes)), local], nodes + mesh.n_points * local
+    sign = along[np.arange(len(nodes)), local]
+    row = nodes + mesh.n_points * local
     is_slanted = np.abs(np.abs(sign) - 1.0) > SMOOTH
     held = np.flatnonzero(is_slanted | fixed[row])
     if not len(held):
         return row, np.sign(sign)
     x, y = mesh.points[nodes[held[0]]]
     if fixed[row[held[0]]]:
-        fault = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it at ({x:g}, {y:g})"
+        fault = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it"
         remedy = f"give it u_{'xy'[c]}: 0"
     else:  # u_N = 0 on an inclined line, along which alone the edge could move
-        fault = f"the rigid edge {name} meets an edge that holds it in a slanted direction at ({x:g}, {y:g})"
+        fault = f"the rigid edge {name} meets an edge that holds it in a slanted direction"
         remedy = "give it the role clamped, or let a free edge lie between the two"
-    raise GeometryFailed(f"{fault}; {remedy}", EDGES)
+    raise GeometryFailed(f"{fault} at ({x:g}, {y:g}); {remedy}", EDGES)
 
 
 DEGREES = {ngs.SEGM: 6, ngs.TRIG: 5}
@@ -433,13 +458,15 @@ Springs = tuple[tuple[str, float, float], ...]
 Conductivity = tuple[tuple[Where, float], ...]
 """k of the regions of the body; () where k is uniform."""
 NodeGraph = tuple[NDArray[np.int32], NDArray[np.int32]]
-"""CSR pattern of G, which nodes share a triangle: where rows start, and columns, ascending."""
+"""CSR pattern of the nodes that share a triangle: starts of rows, and ascending columns."""
 
 
 @dataclass(frozen=True)
 class ElasticForms:
-    """The matrices and loads of the elastic problem on one mesh, in x and y (2n rows), and products
-    of gradients."""
+    """The matrices and loads of the elastic problem on one mesh, and products of gradients.
+
+    Rows (2n,) are in x and y.
+    """
 
     mesh: PlaneMesh
     _products: dict[Where, tuple[NodeGraph, Array]] = field(
@@ -458,8 +485,8 @@ class ElasticForms:
     def _new_products(self, where: Where) -> tuple[NodeGraph, Array]:
         if where and not self.mesh.inside(where).any():
             # NGSolve makes no form of a factor that is 0 everywhere
-            graph, whole = self.products()
-            return graph, np.zeros_like(whole)
+            graph, G = self.products()
+            return graph, np.zeros_like(G)
         u, v = self._space.TnT()
         divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
         if where:
@@ -488,8 +515,8 @@ class ElasticForms:
 
         a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j)
         """
-        graph, whole = self.products()
-        A = np.empty_like(whole)
+        graph, body_G = self.products()
+        A = np.empty_like(body_G)
         for number, (where, lam, mu) in enumerate(moduli):
             _, G = self.products(where)
             part = A if number == 0 else np.empty_like(A)
@@ -511,9 +538,8 @@ class ElasticForms:
             integral = integral * mesh.inside(where)
         entries = integral[:, None, None] * mesh.slopes
         corners = mesh.triangles.ravel()
-        return np.concatenate(
-            [np.bincount(corners, entries[..., c].ravel(), mesh.n_points) for c in (0, 1)]
-        )
+        x, y = (np.bincount(corners, entries[..., c].ravel(), mesh.n_points) for c in (0, 1))
+        return np.concatenate([x, y])
 
     def springs(self, springs: Springs, frames: Frames | None = None) -> sp.csr_array:
         """Return Σ_Γ ∫k_N u_N v_N + k_T u_T v_T (2n, 2n) in x and y, or in local rows [Pa]."""
@@ -568,10 +594,12 @@ def _load(
 
     nodes: (e, k);  size: (e,) relative to the reference segment or triangle
     """
-    rule = ngs.IntegrationRule(kind, DEGREES[kind] if isinstance(density, Expression) else 1)
-    corners, parts = mesh.points[nodes], np.zeros(nodes.shape)
-    for at, weight in zip(rule.points, rule.weights, strict=True):
-        phi = np.array([*at, 1.0 - sum(at)])
+    degree = DEGREES[kind] if isinstance(density, Expression) else 1
+    rule = ngs.IntegrationRule(kind, degree)
+    corners = mesh.points[nodes]
+    parts = np.zeros(nodes.shape)
+    for point, weight in zip(rule.points, rule.weights, strict=True):
+        phi = np.array([*point, 1.0 - sum(point)])
         parts += np.outer(weight * size * values_at(density, phi @ corners), phi)
     return np.asarray(np.bincount(nodes.ravel(), parts.ravel(), mesh.n_points), dtype=float)
 
@@ -596,9 +624,12 @@ def _matrix(graph: NodeGraph, A: Array, frames: Frames | None) -> sp.csr_array:
         rows = np.repeat(np.arange(n), np.diff(starts))
         turned = (axes != np.eye(2)).any(axis=(1, 2))
         entries = np.flatnonzero(turned[rows] | turned[columns])
-        left, right = axes[rows[entries]], axes[columns[entries]]
-        A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
-    blocks = [
-        [sp.csr_array((A[c, d], columns, starts), shape=(n, n)) for d in (0, 1)] for c in (0, 1)
-    ]
+        R_i = axes[rows[entries]]
+        R_j = axes[columns[entries]]
+        A[:, :, entries] = np.einsum("eac,abe,ebd->cde", R_i, A[:, :, entries], R_j)
+
+    def block(c: int, d: int) -> sp.csr_array:
+        return sp.csr_array((A[c, d], columns, starts), shape=(n, n))
+
+    blocks = [[block(0, 0), block(0, 1)], [block(1, 0), block(1, 1)]]
     return sp.csr_array(sp.block_array(blocks, format="csr"))

@@ -1,17 +1,12 @@
-"""Bodies as shapes of the kernel: files of strangers, tried in a child process first, and curves
-with names.
+"""Bodies as Netgen/OpenCASCADE shapes in which every boundary curve keeps its identity.
 
-STEP and BREP files of strangers: a child process reads them first, as a bad one makes the kernel
-hang or crash.
+A child process reads STEP and BREP files first, because a bad one makes the kernel hang or crash.
+It measures all faces and edges of the file, as the package will. If it ends well within its time,
+the same steps are safe in this process.
 
-The child reads the file and measures all its faces and edges, as the package will. If it ends well
-within its time, the same steps are safe in this process.
-
-Body → Netgen/OpenCASCADE shape in which every boundary curve keeps its identity.
-
-Every outline, hole or file edge becomes one `Curve` with a mesh boundary name of its own (its
-`tag`), so that a study name may cover several curves and normals on Γ_C are those of the exact
-curve, not of the mesh.
+Every outline, hole or file edge becomes one `Curve` with its own boundary name in the mesh (its
+`tag`). So a study name may cover several curves, and normals on Γ_C are those of the exact curve,
+not of the mesh.
 
 The kernel's tolerances are lengths (1e-7, whatever the unit): bodies far from size 1 are handed to
 it in a unit of their own, a power of two [m], so that a body of micrometres is meshed like one of
@@ -40,24 +35,32 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Point
 from tcstudy.shapes.edges import Junction, Side, body_size, edge_distance, edge_length, edge_normal
 
-SECONDS, SECONDS_A_MEGABYTE = 5.0, 10.0
-"""Processor time that the kernel may take; it reads 10 MB in about 5 s."""
-MEMORY, MEMORY_A_BYTE = 2_000_000_000, 200
-"""Memory that it may take [B]: a few words of a bad file make it ask for all there is."""
-SLOWER = 20.0
-"""Wall time over processor time on a machine that does other work; it alone counts where there is
-no other limit."""
+MAX_SECONDS = 5.0
+"""Processor time that the kernel may take for any file [s]."""
+MAX_SECONDS_PER_MEGABYTE = 10.0
+"""Processor time that it may take besides [s]; it reads 10 MB in about 5 s."""
+MAX_MEMORY = 2_000_000_000
+"""Memory that it may take for any file [B]: a few words of a bad file make it ask for all."""
+MAX_MEMORY_PER_BYTE = 200
+"""Memory that it may take besides, per byte of the file [B]."""
+WALL_FACTOR = 20.0
+"""Wall time over processor time on a machine that does other work.
+
+Wall time alone is limited on a system without a limit of processor time.
+"""
 PROGRAM = (
     "import sys; from tcstudy.fem.geometry import examine; examine(sys.argv[1], float(sys.argv[2]))"
 )
-"""What the child runs."""
-POINTS = 257
-"""Places at which curves are looked at."""
+"""Program of the child."""
+CURVE_SAMPLES = 257
+"""Points of a curve from which the nearest one is sought."""
 
 
 def file_fault(path: Path) -> str | None:
-    """What is wrong with a STEP or BREP file, None if the kernel can read it; judged once until the
-    file changes."""
+    """Return the fault of a STEP or BREP file, None if the kernel can read it.
+
+    A file is judged once until it changes.
+    """
     try:
         state = path.stat()
     except OSError as error:
@@ -67,52 +70,50 @@ def file_fault(path: Path) -> str | None:
 
 @lru_cache(maxsize=16)
 def _fault(path: str, size: int, _changed: int) -> str | None:
-    seconds = SECONDS + SECONDS_A_MEGABYTE * size / 1e6
+    seconds = MAX_SECONDS + MAX_SECONDS_PER_MEGABYTE * size / 1e6
     package = str(Path(__file__).parents[2])
+    python_path = os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])
     try:
         child = subprocess.run(
             [sys.executable, "-P", "-c", PROGRAM, path, str(seconds)],
-            env=os.environ
-            | {
-                "PYTHONPATH": os.pathsep.join(
-                    [package, *filter(None, [os.environ.get("PYTHONPATH")])]
-                )
-            },
+            env=os.environ | {"PYTHONPATH": python_path},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            timeout=SLOWER * seconds,
+            timeout=WALL_FACTOR * seconds,
         )
     except subprocess.TimeoutExpired:
-        return f"the geometry kernel did not finish reading it within {SLOWER * seconds:.0f} s"
+        limit = f"{WALL_FACTOR * seconds:.0f} s"
+        return f"the geometry kernel did not finish reading it within {limit}"
     if child.returncode == 0:
         return None
     if child.returncode == -getattr(signal, "SIGXCPU", 0):
-        return f"the geometry kernel did not finish reading it within {seconds:.0f} s of processor time"
-    last = child.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-    if child.returncode < 0 or not last:
+        limit = f"{seconds:.0f} s of processor time"
+        return f"the geometry kernel did not finish reading it within {limit}"
+    last_line = child.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+    if child.returncode < 0 or not last_line:
         return "the geometry kernel crashes on it"
-    return f"cannot be read as STEP or BREP ({last.rpartition(': ')[2]})"
+    return f"cannot be read as STEP or BREP ({last_line.rpartition(': ')[2]})"
 
 
 def examine(path: str, seconds: float) -> None:
-    """Read a file and measure what is in it, within some processor time; for a process that may be
-    lost."""
+    """Read a file and measure its faces and edges, within some processor time.
+
+    For a process that may be lost.
+    """
     with suppress(ImportError):  # no such limit on Windows
         import resource
 
         used = resource.getrusage(resource.RUSAGE_SELF)
-        limit, memory = (
-            int(used.ru_utime + used.ru_stime + seconds) + 1,
-            MEMORY + MEMORY_A_BYTE * os.path.getsize(path),
-        )
+        limit = int(used.ru_utime + used.ru_stime + seconds) + 1
+        memory = MAX_MEMORY + MAX_MEMORY_PER_BYTE * os.path.getsize(path)
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     for face in occ.OCCGeometry(path, dim=2).shape.faces:
         _ = face.mass, face.center, face.bounding_box
         for edge in face.edges:
-            for t in _parameters(edge, POINTS):
+            for t in _parameters(edge, CURVE_SAMPLES):
                 _ = edge.Value(t), edge.Tangent(t)
             _ = edge.mass, edge.center, edge.Distance(occ.Vertex(occ.Pnt(0, 0, 0)))
 
@@ -132,9 +133,10 @@ size of about 1."""
 HARMLESS = 0.1, 10.0
 """Units [m] in place of which 1 serves as well: against such a body the tolerances are small,
 too."""
-AHEAD, NEAREST = 0.02, 1e-4
-"""How far from a corner it is looked which region lies there, over the length of the shortest edge,
-and in the kernel's unit at least: nearer to an edge it calls nothing inside."""
+PROBE_DISTANCE = 0.02
+"""Distance from a corner at which its regions are probed, over the length of the shortest edge."""
+MIN_PROBE_DISTANCE = 1e-4
+"""The same in the kernel's unit, at least: nearer to an edge the kernel calls nothing inside."""
 
 
 @dataclass(frozen=True)
@@ -157,9 +159,12 @@ class Curve:
 class Geometry:
     """A body ready for meshing.
 
-    shape:   the OCC shape, with named faces, in units of `unit` [m];  curves: its boundary
-    area:    exact area [m²];  size: diagonal of the box around it [m]
-    offsets: of a file, every point that names an edge, with its name and its distance from the edge [m]
+    shape:   the OCC shape, with named faces, in units of `unit` [m]
+    curves:  its boundary
+    area:    exact area [m²]
+    size:    diagonal of the box around it [m]
+    offsets: of a file, every point that names an edge, with its name and its distance from the edge
+             [m]
     """
 
     shape: Any
@@ -178,13 +183,15 @@ class Geometry:
 
     @cached_property
     def corners(self) -> tuple[Junction, ...]:
-        """Return where boundary pieces and interfaces end, those of the boundary first, in order."""
+        """Return the ends of boundary pieces, in order, and then those of interfaces."""
         names = {f"c{i}": curve.name for i, curve in enumerate(self.curves)}
-        points, sides = list[Array](), list[Side]()
+        points = list[Array]()
+        sides = list[Side]()
         edges = list(dict.fromkeys(self.shape.edges))  # an interface is an edge of two faces
         for edge in edges:
             for t, sign in zip(edge.parameter_interval, (1.0, -1.0), strict=True):
-                value, tangent = edge.Value(t), edge.Tangent(t)
+                value = edge.Value(t)
+                tangent = edge.Tangent(t)
                 direction = sign * np.array([tangent.x, tangent.y])
                 x, y = direction / math.hypot(tangent.x, tangent.y)
                 points.append(np.array([value[0], value[1]]))
@@ -193,7 +200,7 @@ class Geometry:
         places = _first_within(np.array(points), 1e-6 * self.size / self.unit)
         for side, place in zip(sides, places, strict=True):
             sides_at.setdefault(place, []).append(side)
-        reach = max(AHEAD * min(edge.mass for edge in edges), NEAREST)
+        reach = max(PROBE_DISTANCE * min(edge.mass for edge in edges), MIN_PROBE_DISTANCE)
         corners = [self._corner(points[place], around, reach) for place, around in sides_at.items()]
 
         def rank(corner: Junction) -> tuple[bool, int]:
@@ -202,7 +209,7 @@ class Geometry:
 
         return tuple(sorted(corners, key=rank))
 
-    def _corner(self, at: Array, sides: list[Side], reach: float) -> Junction:
+    def _corner(self, point: Array, sides: list[Side], reach: float) -> Junction:
         """Return the corner at a point of the shape, a cusp where no region is found.
 
         reach: distance from it at which regions are looked for
@@ -214,7 +221,7 @@ class Geometry:
         is_outline_corner = len(sides) == 2 and all(side.name for side in sides)
         for turn, angle in zip(turns, angles, strict=True):
             middle = turn + 0.5 * angle
-            x, y = at + reach * np.array([math.cos(middle), math.sin(middle)])
+            x, y = point + reach * np.array([math.cos(middle), math.sin(middle)])
             vertex = occ.Vertex(occ.Pnt(x, y, 0))
             # a corner of the outline has two wedges; once one is inside, the other is outside
             is_outside = is_outline_corner and any(region for _, region in wedges)
@@ -224,14 +231,15 @@ class Geometry:
         count = len(wedges)
         starts = (i for i in range(count) if wedges[i][1] and not wedges[i - 1][1])
         first = next(starts, 0)
-        sides, wedges = [*sides[first:], *sides[:first]], [*wedges[first:], *wedges[:first]]
-        last = next((i for i in range(count) if not wedges[i][1]), count)
-        x, y = self.unit * at
-        inside = tuple(wedges[:last]) or ((0.0, BODY),)
-        return Junction((float(x), float(y)), tuple(sides[: last + 1]), inside)
+        sides = [*sides[first:], *sides[:first]]
+        wedges = [*wedges[first:], *wedges[:first]]
+        stop = next((i for i in range(count) if not wedges[i][1]), count)
+        x, y = self.unit * point
+        inside = tuple(wedges[:stop]) or ((0.0, BODY),)
+        return Junction((float(x), float(y)), tuple(sides[: stop + 1]), inside)
 
     def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
-        """Return the study name, points (count, 2) and unit normals (count, 2) of boundary pieces."""
+        """Return the study name, points (count, 2) and normals (count, 2) of boundary pieces."""
         pieces = []
         for edge in self.shape.edges:
             if edge.name == INTERFACE:
@@ -285,7 +293,8 @@ def build(body: Body) -> Geometry:
     if body.brep is None:
         finders = [_edge_distance(edge, unit) for edge in body.edges]
     face.faces.name = BODY
-    regions, remainder = [], face
+    regions = []
+    remainder = face
     for region in body.regions:  # cut out and glued back, so that the mesh follows their outlines
         region_face = face * _face(region.loop, unit)
         region_face.faces.name = region.name
@@ -314,7 +323,8 @@ def _face(loop: Loop, unit: float) -> Any:
 
     segments = []
     for edge in loop.edges:
-        start, end = vertex(edge.start), vertex(edge.end)
+        start = vertex(edge.start)
+        end = vertex(edge.end)
         if edge.through:
             segments.append(occ.ArcOfCircle(start, vertex(edge.through), end))
         else:
@@ -357,7 +367,8 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
     missing = [i for i in range(len(finders)) if f"c{i}" not in names]
     if missing:
         raise GeometryFailed(
-            f"boundary curve {missing[0]} vanished when holes and regions were cut; check that parts do not overlap",
+            f"boundary curve {missing[0]} vanished when holes and regions were cut; "
+            "check that parts do not overlap",
             ("body",),
         )
 
@@ -365,9 +376,12 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
 def _read_face(
     record: BrepFace,
 ) -> tuple[Any, tuple[Curve, ...], float, tuple[tuple[str, Point, float], ...]]:
-    """Return one plane face of a file, its edges named by the points that the study gives, the unit
-    it is in [m], and the distances of these points (`Geometry.offsets`)."""
-    if (fault := file_fault(record.path)) is not None:
+    """Return one plane face of a file, its curves, its unit [m], and `Geometry.offsets`.
+
+    The curves have the names of the points that the study gives.
+    """
+    fault = file_fault(record.path)
+    if fault is not None:
         raise GeometryFailed(
             f"{record.path.name}: {fault}; export the face again", ("body", "file")
         )
@@ -413,9 +427,9 @@ def _edge_near(
 
     A point off every edge (a slip, wrong units) or at a corner (either edge) raises GeometryFailed.
     """
-    at = np.asarray(point) / unit
-    distances = np.array([_occ_distance(edge)(at) for edge in edges])
-    best, *others = np.argsort(distances, kind="stable")
+    point_in_units = np.asarray(point) / unit
+    distances = np.array([_occ_distance(edge)(point_in_units) for edge in edges])
+    best, *farther = np.argsort(distances, kind="stable")
     where = f"{record.path.name}: the point {record.place_in_words(point)} of edges.{name}"
     if distances[best] > MAX_OFFSET * size:
         raise GeometryFailed(
@@ -423,7 +437,7 @@ def _edge_near(
             f"the face, whose size is {record.in_words(unit * size)}; give a point on the edge "
             "that is meant, with its unit"
         )
-    if others and distances[others[0]] - distances[best] <= CORNER * size:
+    if farther and distances[farther[0]] - distances[best] <= CORNER * size:
         raise GeometryFailed(
             f"{where} is as near to two edges; give the middle of the edge that is meant"
         )
@@ -432,28 +446,31 @@ def _edge_near(
 
 def _file_curve(edge: Any, name: str, unit: float) -> Curve:
     """Return a curve of a file, whose normals follow from the kernel's tangents."""
-    grid = _parameters(edge, POINTS)
-    points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in grid])
+    grid = _parameters(edge, CURVE_SAMPLES)
+    values = [edge.Value(t) for t in grid]
+    points = np.array([[value[0], value[1]] for value in values])
     chord = float(np.linalg.norm(points[-1] - points[0]))
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
 
     def nearest_parameter(point: Array) -> float:
         """Return the parameter of the nearest sample after a few projection steps."""
         i = int(np.argmin(np.sum((points - point) ** 2, axis=1)))
-        before, after = max(i - 1, 0), min(i + 1, len(grid) - 1)
+        before = max(i - 1, 0)
+        after = min(i + 1, len(grid) - 1)
         distance = float(np.linalg.norm(points[after] - points[before]))
         speed = distance / (grid[after] - grid[before])
         t = grid[i]
         for _ in range(8):
-            value, tangent = edge.Value(t), edge.Tangent(t)
+            value = edge.Value(t)
+            tangent = edge.Tangent(t)
             length = np.hypot(tangent.x, tangent.y)
             projection = (point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y
             t = min(max(t + projection / length / speed, grid[0]), grid[-1])
         return float(t)
 
-    def normal(at: Array) -> Array:
+    def normal(points: Array) -> Array:
         normals = []
-        for point in at / unit:
+        for point in points / unit:
             tangent = edge.Tangent(nearest_parameter(point))
             length = np.hypot(tangent.x, tangent.y)
             normals.append(np.array([-tangent.y, tangent.x]) / length)

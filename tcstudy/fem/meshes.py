@@ -1,26 +1,25 @@
-"""Netgen meshes of a body: one coarse mesh refined uniformly or where marked, or one mesh per
-element size.
+"""Netgen meshes of a body: one coarse mesh refined, or one mesh per element size.
 
-Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as
-conformity asks for): old nodes keep their numbers, new ones on arcs are put on the arc, names of
-edges and regions stay. Meshes are checked. Also here: the local frames of their nodes (made in
-fem/forms.py), and the meshes of a study that follow from its body.
+Meshes are refined uniformly or where marked. Marked triangles are bisected (netgen's longest-edge
+bisection, with as many neighbours as conformity asks for): old nodes keep their numbers, new ones
+on arcs are put on the arc, names of edges and regions stay. Meshes are checked. Also here: the
+local frames of their nodes (made in fem/forms.py), and the meshes of a study that follow from its
+body.
 
-Graded meshes, towards the points where stresses are singular:
-Size:       h(r) = h (r/R)^(1−μ) at distance r < R from a singular point, h beyond, with h halved from level to level
-            and μ kept: about N ~ h⁻² triangles whatever μ, the smallest of size R (h/R)^(1/μ). P1
-            elements regain
-            ‖u − u_h‖ ~ N^(−½) if μ is less than the least singular exponent λ, u ~ r^λ; μ = λ/2
-            spreads the
-            error evenly
-Points:     corners with an interior angle above π between equal edges, above π/2 where one of them slides (reflected
-            at it, the corner is one of twice the angle), and at any angle where clamped and free
-            edges meet. Where
-            friction's shear meets an edge without any, u ~ r log r: graded with μ of ½ at least
+Graded meshes are finer towards the points where stresses are singular:
+
+Size:       h(r) = h (r/R)^(1−μ) at distance r < R from a singular point, h beyond, with h halved
+            from level to level and μ kept: about N ~ h⁻² triangles whatever μ, the smallest of size
+            R (h/R)^(1/μ). P1 elements regain ‖u − u_h‖ ~ N^(−½) if μ is less than the least
+            singular exponent λ, u ~ r^λ; μ = λ/2 spreads the error evenly
+Points:     corners with an interior angle above π between equal edges, above π/2 where one of them
+            slides (reflected at it, the corner is one of twice the angle), and at any angle where
+            clamped and free edges meet. Where friction's shear meets an edge without any, u ~ r log
+            r: graded with μ of ½ at least
 Literature: Babuška, Kellogg & Pitkäranta, Numer. Math. 33 (1979) 447–471; Raugel, C. R. Acad. Sci.
-Paris 286 (1978)
-            Williams, J. Appl. Mech. 19 (1952) 526–528 (angles)
-Left out:   ends of slip zones, which no one knows before; jumps of tractions along a straight edge (r log r)
+            Paris 286 (1978); Williams, J. Appl. Mech. 19 (1952) 526–528 (angles)
+Left out:   ends of slip zones, which no one knows before; jumps of tractions along a straight edge
+            (r log r)
 """
 
 from __future__ import annotations
@@ -50,8 +49,10 @@ Indices = NDArray[np.intp]
 
 
 class BoundaryEdges(NamedTuple):
-    """Length (s,), outer normal (s, 2) and Gauss points (s, 2, 2) of boundary segments, chords on
-    arcs."""
+    """Length (s,), outer normal (s, 2) and Gauss points (s, 2, 2) of boundary segments.
+
+    On arcs the segments are chords.
+    """
 
     length: Array
     normal: Array
@@ -62,11 +63,12 @@ class BoundaryEdges(NamedTuple):
 class PlaneMesh(TriangleGeometry):
     """A triangle mesh of the body with its arrays copied out of NGSolve.
 
-    mesh:      the NGSolve mesh, in units of the geometry, for assembly and refinement only
-    geometry:  the geometry it was made of
-    level:     position in the study's family, 0 is the coarsest
-    segments:  (s, 2) boundary edges, with the body on their left;  segment_curve: (s,) index of their curve
-    time_mesh: wall time of meshing or refining [s]
+    mesh:          the NGSolve mesh, in units of the geometry, for assembly and refinement only
+    geometry:      the geometry it was made of
+    level:         position in the study's family, 0 is the coarsest
+    segments:      (s, 2) boundary edges, with the body on their left
+    segment_curve: (s,) index of their curve
+    time_mesh:     wall time of meshing or refining [s]
     """
 
     mesh: Any
@@ -174,11 +176,11 @@ SMOOTH = 1e-6
 class Frames:
     """Local displacement unknowns w with u = R w; row c·n + i is component c of node i.
 
-    axes:     (n, 2, 2) blocks of the orthogonal R, a local axis a column
-    fixed:    (2n,) local rows that carry no unknown
-    values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
-    ties:     (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that of one node, and
-              fixed but for that one; then u = R T w
+    axes:   (n, 2, 2) blocks of the orthogonal R, a local axis a column
+    fixed:  (2n,) local rows that carry no unknown
+    values: (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
+    ties:   (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that
+            of one node, and fixed but for that one; then u = R T w
     """
 
     axes: Array
@@ -213,7 +215,8 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
     """
     if coarser is not None and plan.nested:
         return refine(coarser)
-    start, maxh = time.perf_counter(), plan.maxh[level]
+    start = time.perf_counter()
+    maxh = plan.maxh[level]
     first_maxh = maxh * 2**plan.refine / geometry.unit
     try:  # uniform refinements of a coarser mesh, which put new nodes on arcs
         ngmesh = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=first_maxh)
@@ -252,8 +255,8 @@ def triangles_a_second() -> float:
     """
     square = OCCGeometry(WorkPlane().Rectangle(1.0, 1.0).Face(), dim=2)
     start = time.process_time()
-    made = square.GenerateMesh(maxh=1.5 / SAMPLE**0.5)
-    return len(made.Elements2D()) / max(time.process_time() - start, 1e-3)
+    mesh = square.GenerateMesh(maxh=1.5 / SAMPLE**0.5)
+    return len(mesh.Elements2D()) / max(time.process_time() - start, 1e-3)
 
 
 SAMPLE = 1000
@@ -267,7 +270,8 @@ def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMe
     triangles = ngmesh.Elements2D().NumPy()["nodes"][:, :3].astype(np.intp) - 1
     lines = ngmesh.Elements1D().NumPy()
     names = mesh.GetBoundaries()
-    curve_of = np.array([int(name[1:]) if name[0] == "c" else -1 for name in names], dtype=np.intp)
+    curves = [int(name[1:]) if name[0] == "c" else -1 for name in names]
+    curve_of = np.array(curves, dtype=np.intp)
     curve = curve_of[lines["index"] - 1]
     outer = curve >= 0
     segments = lines["nodes"][outer, :2].astype(np.intp) - 1
@@ -281,21 +285,24 @@ def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMe
     is_side = TriangleGeometry(points, triangles).sides_at(segments) >= 0
     segments = np.where(is_side[:, None], segments, segments[:, ::-1])
     # a bad geometry can give a mesh of another body
-    chords = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
+    along = points[segments[:, 1]] - points[segments[:, 0]]
+    chords = np.linalg.norm(along, axis=1)
     curve = curve[outer]
-    slack, area = 1e-9 * geometry.area, 0.5 * float(np.abs(twice).sum())
+    slack = 1e-9 * geometry.area
+    area = 0.5 * float(np.abs(twice).sum())
     for i, exact in enumerate(geometry.curves):
         length = float(chords[curve == i].sum())
         low = exact.length * (1 - 1e-9 if exact.straight else 0.8)
         if not low <= length <= exact.length * (1 + 1e-6):
             raise GeometryFailed(
-                f"edge {exact.name!r} has length {length:g} in the mesh, {exact.length:g} in the body; "
-                "try a smaller maxh"
+                f"edge {exact.name!r} has length {length:g} in the mesh, {exact.length:g} in the "
+                "body; try a smaller maxh"
             )
         slack += 0.0 if exact.straight else exact.length * float(chords[curve == i].max())
     if abs(area - geometry.area) > slack:
         raise GeometryFailed(
-            f"the mesh has area {area:g}, the body {geometry.area:g}; try a smaller maxh or simplify the outline"
+            f"the mesh has area {area:g}, the body {geometry.area:g}; "
+            "try a smaller maxh or simplify the outline"
         )
     return PlaneMesh(
         points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start
@@ -314,7 +321,8 @@ Boundary = tuple[tuple[str, Role], ...]
 
 def singular_points(geometry: Geometry, boundary: Boundary, grading: float) -> dict[Point, float]:
     """Return the corners where stresses may be infinite [m], each with the exponent μ of meshes."""
-    roles, singular = dict(boundary), dict[Point, float]()
+    roles = dict(boundary)
+    singular = dict[Point, float]()
     for corner in geometry.corners:
         if corner.cut:
             continue
@@ -354,8 +362,10 @@ def graded_mesh(
     start = time.perf_counter()
     mesh = first if coarser is None else refine(coarser)
     singular = singular_points(first.geometry, boundary, plan.grading)
-    points, mu = np.array(list(singular)).reshape(-1, 2), np.array(list(singular.values()))
-    h, reach = first.h_max / 2**level, REACH * first.geometry.size
+    points = np.array(list(singular)).reshape(-1, 2)
+    mu = np.array(list(singular.values()))
+    h = first.h_max / 2**level
+    reach = REACH * first.geometry.size
     while True:
         r = np.linalg.norm(mesh.centres[:, None] - points[None], axis=2)
         target = h * np.min(np.minimum(1.0, r / reach) ** (1.0 - mu), axis=1, initial=1.0)
@@ -385,13 +395,14 @@ class Meshes:
     def __init__(self, study: Study) -> None:
         """Raises GeometryFailed if the body cannot be made, or if there are several."""
         if study.variants:
-            what = "the sweep varies the body or its meshes, and this takes one geometry"
+            fault = "the sweep varies the body or its meshes, and this takes one geometry"
             remedy = "fix it by --set sweep=null, or by --set sweep={...} without its numbers"
-            raise GeometryFailed(f"{what}; {remedy}", ("sweep",))
+            raise GeometryFailed(f"{fault}; {remedy}", ("sweep",))
         scene = study.scenes[0]
         self.geometry = build(scene.body)
         self.mesh: PlaneMesh | None = None
-        self._plan, self._boundary = study.mesh, scene.boundary
+        self._plan = study.mesh
+        self._boundary = scene.boundary
         self._first: PlaneMesh | None = None
 
     def next(self, level: int) -> PlaneMesh:

@@ -13,16 +13,18 @@ equilibrium elements, whose ξ* lies in b̂ at the Gauss points, and the best of
 would do. Where the temperature is computed, η grows by the bound T of its error (heat_bound.py): with
 ε = θ − θ_h the first integral gains ∫βε tr ε(e) ≤ ‖ε‖_ρ‖e‖, as c⁻¹I:I = 1/(λ + μ).
 
-η:    on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so that nothing cancels in
-      η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (guaranteed.py).
-M:    along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal rule is no less.
-      A law b = S b̂ whose strength S varies along an edge has S in [S₁, S₂] on a part of a segment. For a
-      fixed s the expression is affine in S, hence the supremum convex in S: the larger of S₁ and S₂ serves.
-      An exponential law b has a polygon within ε, and ε|x| ≤ δx² + ε²/4δ: k is less by δ/λ_low, M
-      more by ε²|Γ_C|/4δ. A law may drop by J at a slip: M does not vanish where u_hT is within J/w of it,
-      and the bound stops falling there.
-Data: f that is linear on the triangles is exact (guaranteed.py); of other f and of tractions that are not linear
-      on the segments, the rest adds what oscillation.py says to η.
+η:        on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so
+          that nothing cancels in η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²
+          (guaranteed.py).
+M:        along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal
+          rule is no less. A law b = S b̂ whose strength S varies along an edge has S in [S₁, S₂] on
+          a part of a segment. For a fixed s the expression is affine in S, hence the supremum
+          convex in S: the larger of S₁ and S₂ serves. An exponential law b has a polygon within ε,
+          and ε|x| ≤ δx² + ε²/4δ: k is less by δ/λ_low, M more by ε²|Γ_C|/4δ. A law may drop by J at
+          a slip: M does not vanish where u_hT is within J/w of it, and the bound stops falling
+          there.
+Data:     f that is linear on the triangles is exact (guaranteed.py); of other f and of tractions
+          that are not linear on the segments, the rest adds what oscillation.py says to η.
 Left out: prescribed u that is not linear (`why_no_bound`).
 """
 
@@ -74,7 +76,9 @@ POLYGON_SHARE = 3e-3
 class _Load:
     """The load of equilibrium elements.
 
-    rows:  (N,) L⁻¹F;  given: (4e,) prescribed w;  rest: Σ_K ‖(I − Π)ρ‖² [J/m]
+    rows:        (N,) L⁻¹F
+    given:       (4e,) prescribed w
+    rest:        Σ_K ‖(I − Π)ρ‖² [J/m]
     oscillation: bound of what data do that the elements do not have exactly [√(J/m)]
     """
 
@@ -377,7 +381,8 @@ def consistency(
 ) -> Array:
     """Return M of the module's text (k,), or an upper bound of it, for several w (k,) [J/m].
 
-    lengths:   (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends of segments of Γ_C
+    lengths:   (s,)
+    xi, slip:  (s, 2) ξ* and u_hT at the ends of segments of Γ_C
     strengths: (2, s, PARTS) least and largest factors of b on parts of the segments, None for 1
     """
     x = np.linspace(0.0, 1.0, PARTS + 1)

@@ -2,24 +2,23 @@
 
 Equilibrium elements: the dual of a plane elastic body, condensed onto its contact line.
 
-Stress:     on every triangle, cut into three at its barycentre, symmetric, linear on each part, div τ = 0 in it and τn
-            continuous: 9 coefficients a triangle, one for each self-balanced linear traction on its
-            three edges. They
-            are found once on the reference triangle and moved by τ = B τ̂ Bᵀ, which keeps both.
-Hybrid:     unknowns w are displacements at the two Gauss points of every edge, multipliers that make τn continuous:
-            K̂ = Σ_K P G⁻¹Pᵀ, G = ∫c⁻¹N:N, P the moments of tractions; wᵀK̂w = ‖τ‖² in the norm of
-            complementary energy.
-Contact:    the normal displacement is held, the tangential ones are kept: Â (2s, 2s) for s segments of Γ_C, with the
-            weights c = h/2, is a contact problem like that of P1. Its compliance is less than the
-            body's where that of
-            P1 is more: energies come from the other side, and nothing locks for ν → ½, as c⁻¹ stays
-            bounded.
-Loads:      f constant, βθ linear on a triangle: τ = N G⁻¹(Pᵀw − q) + τ_p, τ_p = −diag(f_x (x − x_z), f_y (y − y_z)),
-            q = ∫c⁻¹N:(τ_p + βθI); K̂w = ĝ + Σ_K (P G⁻¹q − P_p), P_p the moments of τ_p, and div τ +
-            f = 0 exactly.
+Stress:     on every triangle, cut into three at its barycentre, symmetric, linear on each part, div
+            τ = 0 in it and τn continuous: 9 coefficients a triangle, one for each self-balanced
+            linear traction on its three edges. They are found once on the reference triangle and
+            moved by τ = B τ̂ Bᵀ, which keeps both.
+Hybrid:     unknowns w are displacements at the two Gauss points of every edge, multipliers that
+            make τn continuous: K̂ = Σ_K P G⁻¹Pᵀ, G = ∫c⁻¹N:N, P the moments of tractions; wᵀK̂w =
+            ‖τ‖² in the norm of complementary energy.
+Contact:    the normal displacement is held, the tangential ones are kept: Â (2s, 2s) for s segments
+            of Γ_C, with the weights c = h/2, is a contact problem like that of P1. Its compliance
+            is less than the body's where that of P1 is more: energies come from the other side, and
+            nothing locks for ν → ½, as c⁻¹ stays bounded.
+Loads:      f constant, βθ linear on a triangle: τ = N G⁻¹(Pᵀw − q) + τ_p, τ_p = −diag(f_x (x −
+            x_z), f_y (y − y_z)), q = ∫c⁻¹N:(τ_p + βθI); K̂w = ĝ + Σ_K (P G⁻¹q − P_p), P_p the
+            moments of τ_p, and div τ + f = 0 exactly.
 Literature: C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; B. Fraeijs de Veubeke (1965);
-J. P. M. de Almeida
-            and E. A. W. Maunder, Equilibrium Finite Element Formulations, Wiley 2017.
+            J. P. M. de Almeida and E. A. W. Maunder, Equilibrium Finite Element Formulations, Wiley
+            2017.
 Left out:   curved edges.
 
 What is proved of the body, not of its mesh: λ₁ from both sides.
@@ -79,12 +78,14 @@ class EquilibriumBody:
     Local rows (4e,) run over the Gauss points of the edges, from the lower node on, then over axes,
     then over edges.
 
-    elements:  the triangles;  number: (s,) numbers of the edges that are boundary segments
-    axes:      (s, 2, 2) of these edges, an axis a column, (t, n) on Γ_C
-    held:      (4e,) rows whose displacement is prescribed
-    ties:      (4e, 4e) T of rigid edges, w = T w', or None
-    K:         (4e, 4e) K̂ with springs, rigid edges not tied [Pa];  diagonal: (4e,) of TᵀK̂T
-    c:         (2k,) weights of the Gauss points of Γ_C, half the length of a segment [m]
+    elements:     the triangles
+    number:       (s,) numbers of the edges that are boundary segments
+    axes:         (s, 2, 2) of these edges, an axis a column, (t, n) on Γ_C
+    held:         (4e,) rows whose displacement is prescribed
+    ties:         (4e, 4e) T of rigid edges, w = T w', or None
+    K:            (4e, 4e) K̂ with springs, rigid edges not tied [Pa]
+    diagonal:     (4e,) of TᵀK̂T
+    c:            (2k,) weights of the Gauss points of Γ_C, half the length of a segment [m]
     condensation: of TᵀK̂T
     """
 
@@ -108,7 +109,8 @@ class EquilibriumBody:
         """Return the Gauss points (s, 2, 2) of boundary segments, from the lower node on [m]."""
         edges, _ = self.elements.mesh.edges
         ends = self.elements.mesh.points[edges[self.number]]
-        return ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
+        along = ends[:, 1:] - ends[:, :1]
+        return ends[:, :1] + GAUSS[None, :, None] * along
 
     def rows(self, u: Array) -> Array:
         """Return P1 displacements (n, 2) at the Gauss points of the edges, in local axes (4e,)."""
@@ -127,7 +129,8 @@ def _reference() -> tuple[Array, Array]:
     """
     conditions = []
     for k, part in enumerate(PARTS):
-        gradients = np.linalg.inv(np.column_stack([np.ones(3), CORNERS[part]]))[1:]
+        linear = np.column_stack([np.ones(3), CORNERS[part]])
+        gradients = np.linalg.inv(linear)[1:]
         for first, second in ((0, 2), (2, 1)):  # div τ = 0
             condition = np.zeros((3, 3, 3))
             condition[k, :, first], condition[k, :, second] = gradients
@@ -137,11 +140,13 @@ def _reference() -> tuple[Array, Array]:
         for corner, next_corner in ((1, 0), (2, 2)):
             for traction in _traction(np.array([inner_side[1], -inner_side[0]])):
                 condition = np.zeros((3, 3, 3))
-                condition[k, corner], condition[(k + 1) % 3, next_corner] = traction, -traction
+                condition[k, corner] = traction
+                condition[(k + 1) % 3, next_corner] = -traction
                 conditions.append(condition.ravel())
     N = scipy.linalg.null_space(np.array(conditions)).reshape(3, 3, 3, 9)
     end_tractions = []
-    for k, (x, y) in enumerate(CORNERS[SIDES[:, 1]] - CORNERS[SIDES[:, 0]]):
+    side_vectors = CORNERS[SIDES[:, 1]] - CORNERS[SIDES[:, 0]]
+    for k, (x, y) in enumerate(side_vectors):
         traction_of = _traction(np.array([y, -x]))
         end_tractions.append([traction_of @ N[k, end] for end in (0, 1)])
     at_gauss = np.column_stack([1.0 - GAUSS, GAUSS])
@@ -257,7 +262,7 @@ class Elements:
 
     @property
     def local_rows(self) -> Indices:
-        """Return the rows (t, 12) of every triangle by side, Gauss point in its direction and axis."""
+        """Return the rows (t, 12) of each triangle by side, Gauss point along it, and axis."""
         first, second = np.moveaxis(self.mesh.sides.reshape(-1, 3, 2), 2, 0)
         _, edge_of_side = self.mesh.edges
         # (t, 3, 2) Gauss points in the direction of the edge
@@ -347,13 +352,16 @@ class Elements:
             Q, R = np.linalg.qr(samples, mode="reduced")
         else:
             R = np.asarray(np.linalg.qr(samples, mode="r"))
-        return np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2)), Q
+        half = np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2))
+        return half, Q
 
     @property
     def _maps(self) -> tuple[Array, Array]:
         """Return B (t, 2, 2) of the maps from the reference triangle, and the determinants (t,)."""
         corners = self.mesh.corners
-        B = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
+        first = corners[:, 1] - corners[:, 0]
+        second = corners[:, 2] - corners[:, 0]
+        B = np.stack([first, second], axis=-1)
         return B, np.linalg.det(B)
 
     def _samples(self, xx: Array, yy: Array, xy: Array) -> Array:
@@ -367,8 +375,9 @@ class Elements:
         by_triangle = (-1, *(1,) * (xx.ndim - 1))
         shear = np.sqrt(det / (2.0 * self.mu)).reshape(by_triangle)
         bulk = np.sqrt(det / (4.0 * (self.lam + self.mu))).reshape(by_triangle)
-        parts = np.sqrt(0.5) * shear * (xx - yy), np.sqrt(2.0) * shear * xy, bulk * (xx + yy)
-        return np.concatenate(parts, axis=2).reshape(len(xx), -1, *xx.shape[3:])
+        difference = np.sqrt(0.5) * shear * (xx - yy)
+        parts = np.concatenate([difference, np.sqrt(2.0) * shear * xy, bulk * (xx + yy)], axis=2)
+        return parts.reshape(len(xx), -1, *xx.shape[3:])
 
 
 ROUNDINGS = 4.0
@@ -381,7 +390,10 @@ SHAPES = 16
 
 @dataclass(frozen=True)
 class Band:
-    """low ≤ λ₁ of the body ≤ high [Pa/m];  hat: λ̂ of the equilibrium elements, nearer to λ₁ than λ₁ of P1."""
+    """Bounds low ≤ λ₁ of the body ≤ high [Pa/m].
+
+    hat: λ̂ of the equilibrium elements, nearer to λ₁ than λ₁ of P1
+    """
 
     low: float
     hat: float
@@ -412,26 +424,35 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     Raises NotPositiveDefinite if the body can move other than along Γ_C.
     """
     edges, edge_of_side = mesh.edges
-    e, s = len(edges), len(mesh.segments)
+    e = len(edges)
+    s = len(mesh.segments)
     number = edge_of_side.ravel()[mesh.sides_at(mesh.segments)]
-    half, normal = 0.5 * mesh.boundary.length, mesh.boundary.normal
-    tn = np.stack([np.column_stack([-normal[:, 1], normal[:, 0]]), normal], axis=2)
+    half = 0.5 * mesh.boundary.length
+    normal = mesh.boundary.normal
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    tn = np.stack([tangent, normal], axis=2)
     axes = np.tile(np.eye(2), (s, 1, 1))
-    held, springs = np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
+    held = np.zeros((s, 2), dtype=bool)
+    springs = np.zeros((s, 2))
     for name, role in scene.boundary:
         on = mesh.on(name)
         is_given = np.array([component is not None for component in role.u])
         if role.frame == "nt":
-            axes[on], held[on], springs[on] = tn[on], is_given[::-1], role.spring[::-1]
+            axes[on] = tn[on]
+            held[on] = is_given[::-1]
+            springs[on] = role.spring[::-1]
         else:
             held[on] = is_given
     edge_axes = np.tile(np.eye(2), (e, 1, 1))
     edge_axes[number] = axes
-    lam, mu = mesh.of_material(scene, "lam"), mesh.of_material(scene, "mu")
+    lam = mesh.of_material(scene, "lam")
+    mu = mesh.of_material(scene, "mu")
     elements = Elements(mesh, lam, mu, edge_axes)
     rows = elements.local_rows
-    entries = np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel()
-    K = sp.coo_array((elements.stiffness().ravel(), entries), shape=(4 * e, 4 * e)).tocsr()
+    row_numbers = np.repeat(rows, 12, axis=1).ravel()
+    column_numbers = np.tile(rows, (1, 12)).ravel()
+    entries = elements.stiffness().ravel()
+    K = sp.coo_array((entries, (row_numbers, column_numbers)), shape=(4 * e, 4 * e)).tocsr()
     if np.any(springs):
         stiffness = np.zeros((2, 2, e))
         stiffness[:, :, number] = (springs * half[:, None]).T
@@ -442,15 +463,16 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     contact_edges = number[line.which]
     eliminated[:, 0, contact_edges] = False
     is_eliminated = eliminated.ravel()
-    tied_K, ties = K, _ties(mesh, scene.boundary)
+    tied_K = K
+    ties = _ties(mesh, scene.boundary)
     if ties is not None:
         tied_K = sp.csr_array(ties.T @ K @ ties)
         is_eliminated = is_eliminated & (np.diff(ties.tocsc().indptr) > 0)
     runs_backwards = mesh.segments[line.which, 0] > mesh.segments[line.which, 1]
     gauss = np.arange(2) ^ runs_backwards[:, None]
-    kept = (2 * gauss * e + contact_edges[:, None]).ravel()
+    contact_rows = (2 * gauss * e + contact_edges[:, None]).ravel()
     middles = mesh.points[edges].mean(axis=1)
-    condensation = condense(tied_K, middles, kept, is_eliminated, components=4)
+    condensation = condense(tied_K, middles, contact_rows, is_eliminated, components=4)
     return EquilibriumBody(
         elements,
         number,
@@ -474,7 +496,8 @@ def lambda_1_band(
     hat, mode, error = least_eigenpair(body.condensation.A_tilde, body.c)
     w = body.condensation.expand(mode)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ w**2) / hat
-    lam, mu = body.elements.lam, body.elements.mu
+    lam = body.elements.lam
+    mu = body.elements.mu
     C2 = neglected(mesh, line, np.minimum(mu, lam + mu))
     M = segment_mass(line.unknowns, line.lengths, line.m)
     v = scipy.linalg.eigh(A_tilde, M, subset_by_index=[0, 0])[1][:, 0]
@@ -507,10 +530,12 @@ def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_arr
         number = edge_of_side.ravel()[mesh.sides_at(mesh.segments[mesh.on(name)])]
         ends = mesh.points[edges[number]]
         # (k, 2, 2) by edge and Gauss point
-        at_gauss = ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
+        along = ends[:, 1:] - ends[:, :1]
+        at_gauss = ends[:, :1] + GAUSS[None, :, None] * along
         rows = 2 * e * np.arange(2) + number[:, None]
         nodes, _, arms = edge_arms(mesh, name)
-        middle, length = mesh.points[nodes[0]] - arms[0], float(np.hypot(*arms.T).max())
+        middle = mesh.points[nodes[0]] - arms[0]
+        length = float(np.hypot(*arms.T).max())
         for c in unknown(role):
             own_rows = rows + c * e
             translation = np.full(rows.shape, number[0] + c * e)
@@ -523,11 +548,11 @@ def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_arr
                 parts.append((own_rows, rotation, arm))
     if not parts:
         return None
-    kept = np.flatnonzero(untied)
-    parts.append((kept, kept, np.ones(len(kept))))
-    row, column, value = (
-        np.concatenate([array.ravel() for array in arrays]) for arrays in zip(*parts, strict=True)
-    )
+    identity = np.flatnonzero(untied)
+    parts.append((identity, identity, np.ones(len(identity))))
+    row = np.concatenate([rows.ravel() for rows, _, _ in parts])
+    column = np.concatenate([columns.ravel() for _, columns, _ in parts])
+    value = np.concatenate([values.ravel() for _, _, values in parts])
     return sp.csr_array((value, (row, column)), shape=(4 * e, 4 * e))
 
 
@@ -541,11 +566,13 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     """
     owner = mesh.owner[line.which]
     first, second = np.moveaxis(line.ends, 1, 0)
-    corners, ends = mesh.triangles[owner], line.segments
+    corners = mesh.triangles[owner]
+    ends = line.segments
     is_apex = (corners != ends[:, :1]) & (corners != ends[:, 1:])
     apex = mesh.points[corners[is_apex]]
     h = np.hypot(*(second - first).T)
-    along, across = (second - first) / h[:, None], apex - first
+    along = (second - first) / h[:, None]
+    across = apex - first
     x = np.einsum("ij,ij->i", along, across) / h
     y = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / h
     x = np.minimum(x, 1.0 - x)
@@ -578,7 +605,8 @@ def shape_constants(shapes: tuple[Point, ...]) -> Array:
     zero = np.zeros(n)
     corners = np.stack([zero, zero, zero + 1.0, zero, *np.array(shapes).T], axis=1)
     triangles = TriangleGeometry(corners.reshape(-1, 2), np.arange(3 * n).reshape(n, 3))
-    K = Elements(triangles, zero, zero + 0.5, np.tile(np.eye(2), (3 * n, 1, 1))).stiffness()
+    axes = np.tile(np.eye(2), (3 * n, 1, 1))
+    K = Elements(triangles, zero, zero + 0.5, axes).stiffness()
     for level in range(REFINEMENTS):
         gauss = np.arange(2 * 2**level)  # Gauss points of a part's side
         size = 18 * len(gauss)
@@ -590,7 +618,8 @@ def shape_constants(shapes: tuple[Point, ...]) -> Array:
         K = _condensed(assembled, np.arange(size) < 12 * len(gauss))
     k = 2 * 2**REFINEMENTS
     row = np.arange(6 * k)
-    A = _condensed(K, (row % 2 == 0) & (row < 2 * k), held=slice(1, 2 * k, 2)) * k
+    tangential = (row % 2 == 0) & (row < 2 * k)
+    A = _condensed(K, tangential, held=slice(1, 2 * k, 2)) * k
     x = (np.arange(k // 2)[:, None] + GAUSS).ravel() / (k // 2)
     # linear functions on e, the rigid motion first
     Q, _ = np.linalg.qr(np.column_stack([np.ones(k), x]))
@@ -605,7 +634,9 @@ def _condensed(K: Array, keep: NDArray[np.bool_], held: slice = slice(0)) -> Arr
     """Return K (n, r, r) condensed onto some rows (n, m, m), others held at 0."""
     inner = ~keep
     inner[held] = False
-    k, i = np.flatnonzero(keep), np.flatnonzero(inner)
+    k = np.flatnonzero(keep)
+    i = np.flatnonzero(inner)
     K_ik = K[:, i[:, None], k]
     solved = np.linalg.solve(K[:, i[:, None], i], K_ik)
-    return np.asarray(K[:, k[:, None], k] - np.swapaxes(K_ik, 1, 2) @ solved)
+    schur = np.swapaxes(K_ik, 1, 2) @ solved
+    return np.asarray(K[:, k[:, None], k] - schur)

@@ -1,8 +1,7 @@
-"""The heat problem of one mesh for every α, θ̄, q, flux and given temperature of a sweep (method
-§4, exact).
+"""The heat problem of one mesh for every α, θ̄, q, flux and prescribed temperature of a sweep.
 
-With S_K the Neumann heat matrix for k = 1 condensed onto Γ_θ, M its mass matrix and S_K w_k = μ_k M
-w_k,
+It is exact (method §4). With S_K the Neumann heat matrix for k = 1 condensed onto Γ_θ, M its mass
+matrix and S_K w_k = μ_k M w_k,
 
     θ|_Γθ = Σ_k w_k (w_kᵀq̃ / k + a w_kᵀg̃) / (μ_k + a),    a = α/k,    g̃_i = ∫_{Γ_θ} θ̄ φ_i,
 
@@ -171,7 +170,8 @@ class Recent(dict[Hashable, T]):
 
     def __init__(self, budget: float = np.inf, size: Callable[[T], int] = lambda _: 1) -> None:
         super().__init__()
-        self._budget, self._size = budget, size
+        self._budget = budget
+        self._size = size
         self._total = 0
 
     def __setitem__(self, key: Hashable, value: T) -> None:
@@ -188,20 +188,28 @@ class Recent(dict[Hashable, T]):
 
 
 UNSOUND = 1e-11
-"""Error of the harmonic extension of 1 from which fields are refined; 1e6 good triangles have less."""
+"""Error of the harmonic extension of 1 from which fields are refined.
+
+Meshes of 1e6 good triangles have less.
+"""
 MAX_REFINEMENTS = 5
 """Steps of iterative refinement; each gains as many digits as the factor has right."""
 
 
 class HeatFactor:
-    """K for k = 1, factorised with the nodes of Γ_θ kept; solutions keep their digits on slivers."""
+    """K for k = 1, factorised with the nodes of Γ_θ kept.
 
-    def __init__(self, forms: ElasticForms, kept: NDArray[np.intp], k: Conductivity) -> None:
-        self._mesh, self._kept, self._k = forms.mesh, kept, k
+    Solutions keep their digits on slivers.
+    """
+
+    def __init__(self, forms: ElasticForms, line_nodes: NDArray[np.intp], k: Conductivity) -> None:
+        self._mesh = forms.mesh
+        self._line_nodes = line_nodes
+        self._k = k
         inner = np.ones(forms.mesh.n_points, dtype=bool)
-        inner[kept] = False
+        inner[line_nodes] = False
         self._factor: Condensation = condense(
-            forms.conduction(k), forms.mesh.points, kept, inner, components=1
+            forms.conduction(k), forms.mesh.points, line_nodes, inner, components=1
         )
 
     @property
@@ -211,7 +219,7 @@ class HeatFactor:
     @cached_property
     def sound(self) -> bool:
         """Return whether the harmonic extension of θ = 1 is 1 but for UNSOUND."""
-        ones = self._factor.expand(np.ones(len(self._kept)))
+        ones = self._factor.expand(np.ones(len(self._line_nodes)))
         return float(np.max(np.abs(ones - 1.0))) <= UNSOUND
 
     def load(self, source: Array) -> tuple[Array, Array]:
@@ -220,7 +228,7 @@ class HeatFactor:
         The condensed source has the same total heat.
         """
         rows = self._factor.forward(source)
-        theta = self._factor.expand(np.zeros(len(self._kept)), rows)
+        theta = self._factor.expand(np.zeros(len(self._line_nodes)), rows)
         if not self.sound:
             correction = self._correction(theta, source)
             rows = self._factor.forward(self._residual(source, theta, correction))
@@ -236,9 +244,11 @@ class HeatFactor:
 
     def _residual(self, source: Array | float, *fields: Array) -> Array:
         """Return source − K Σ fields, all (n,); it has the total of the source but for rounding."""
-        triangles, corners = self._mesh.triangles, self._mesh.corners
+        triangles = self._mesh.triangles
+        corners = self._mesh.corners
         residual = source + np.zeros(self._mesh.n_points)
-        e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        e = corners[:, 1] - corners[:, 0]
+        f = corners[:, 2] - corners[:, 0]
         differences = [field[triangles[:, 1:]] - field[triangles[:, :1]] for field in fields]
         jumps: Array = np.sum(differences, axis=0)
         # ∇θ d, turned: large numbers cancel here, once, and all three corners get the same heat
@@ -255,10 +265,11 @@ class HeatFactor:
 
         It is kept apart from θ, because θ + δ, rounded, would have flows of its own.
         """
-        correction, last_size = np.zeros(len(theta)), np.inf
+        correction = np.zeros(len(theta))
+        last_size = np.inf
         for _ in range(MAX_REFINEMENTS):
             residual = self._factor.forward(self._residual(source, theta, correction))
-            step = self._factor.expand(np.zeros(len(self._kept)), residual)
+            step = self._factor.expand(np.zeros(len(self._line_nodes)), residual)
             size = float(np.max(np.abs(step), initial=0.0))
             if not size < 0.5 * last_size:
                 break
@@ -278,7 +289,8 @@ def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
     if not held:
         constant = np.full(len(M), 1.0 / np.sqrt(M.sum()))
         W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
-        W[:, 0], mu[0] = constant, 0.0
+        W[:, 0] = constant
+        mu[0] = 0.0
     return np.maximum(mu, 0.0), W
 
 
@@ -290,8 +302,8 @@ class Part(NamedTuple):
     """One linear contribution to the temperature.
 
     fields: factors by field [K]
-    heat:   α∫_{Γ_θ}(θ − θ̄) of this part; ∫_ω q, or the integral of the flux; and a bound of the heat
-            that flows either way [W/m]
+    heat: α∫_{Γ_θ}(θ − θ̄) of this part; ∫_ω q, or the integral of the flux; and a bound of the heat
+          that flows either way [W/m]
     """
 
     fields: Mapping[Field, float]
@@ -302,9 +314,11 @@ class Part(NamedTuple):
 class _Heated:
     """The right-hand side r₀ + a r₁ of a datum, and its column.
 
-    right:   (2, r) r₀ and r₁: l̃ and 0 of a load, 0 and g̃ of surroundings, −S_K θ_D and −M θ_D of what is held
+    right:   (2, r) r₀ and r₁: l̃ and 0 of a load, 0 and g̃ of surroundings, −S_K θ_D and −M θ_D of
+             what is held
     moments: (2, f) of both in the w_k
-    heat:    total heat input [W/m];  moved: Σ_i |∫ q φ_i| [W/m]
+    heat:    total heat input [W/m]
+    moved:   Σ_i |∫ q φ_i| [W/m]
     columns: the number of the column of the load, or of θ_D; () of surroundings, which have none
     """
 
@@ -323,14 +337,17 @@ class Conduction:
         body: Temperatures,
         k: Conductivity,
         ratios: Ratios,
-        wanted: Mapping[Datum, Mapping[float, None]],
+        planned: Mapping[Datum, Mapping[float, None]],
     ) -> None:
-        """wanted: values of α/k to come by datum, if known; they decide which columns are made."""
-        self._body, self._key, self._ratios = body, (k, ratios), dict(ratios)
+        """Make the columns of the values of α/k to come by datum, as far as they are known."""
+        self._body = body
+        self._key = (k, ratios)
+        self._ratios = dict(ratios)
         # (r,) nodes whose temperature is not given
         self._free = ~np.isin(body.nodes, body.mesh.nodes_on(*body.held))
         free = np.ix_(self._free, self._free)
-        S, M = body.factor(k).A_tilde, body.exchange(self._ratios)
+        S = body.factor(k).A_tilde
+        M = body.exchange(self._ratios)
         self._modes = S, M, *modes(S[free], M[free], not self._free.all())
         """S_K and M (r, r), M weighted by the ratios; μ (f,) and W, WᵀMW = I."""
         self._data: dict[Datum, _Heated] = {}
@@ -341,7 +358,7 @@ class Conduction:
         self._numbers: list[int] = []
         variations = [
             self._variation(self._heated(datum), a)
-            for datum, values in wanted.items()
+            for datum, values in planned.items()
             for a in sorted(values)
             if a > 0.0
         ]
@@ -367,7 +384,9 @@ class Conduction:
         alpha: of the edges with ratio 1; 0 gives the limit of surroundings, the mean of θ̄
         Where edges hold temperatures, the heat that leaves is counted on Γ_θ and at held nodes.
         """
-        heated, a, free = self._heated(datum), alpha / k, self._free
+        heated = self._heated(datum)
+        a = alpha / k
+        free = self._free
         S, M, mu, W = self._modes
         theta, heat = (1.0 / k, 1.0) if datum.heats else (1.0, k)
         is_solved = a > 0.0 or not free.all()
@@ -388,7 +407,8 @@ class Conduction:
             x = np.zeros(len(free))
             x[free] = W @ variation
             flows = heat * np.where(free, a * (M @ x - r_1), r_0 - S @ x)
-            heat_out, through = float(flows.sum()), float(np.abs(flows).sum())
+            heat_out = float(flows.sum())
+            through = float(np.abs(flows).sum())
         fields: dict[Field, float] = {}
         for column, share in shares:
             fields[column] = strength * (theta * share)
@@ -396,8 +416,12 @@ class Conduction:
         return Part(fields, (strength * heat_out, strength * heated.heat, abs(strength) * through))
 
     def response(self, source: Array, a: float) -> Array:
-        """Return θ (n,) of a source at the nodes (n,) for k = 1, surroundings and held edges at 0."""
-        factor, free = self._body.factor(self._key[0]), self._free
+        """Return θ (n,) of a source at the nodes (n,) for k = 1.
+
+        Surroundings and held edges are at 0.
+        """
+        factor = self._body.factor(self._key[0])
+        free = self._free
         S, M, _, _ = self._modes
         l_tilde, theta = factor.load(source)
         on_line = np.zeros((len(free), 1))
@@ -408,7 +432,8 @@ class Conduction:
         """Return the right-hand side of a datum, computed once, and add its column."""
         if datum in self._data:
             return self._data[datum]
-        body, zero = self._body, np.zeros(len(self._free))
+        body = self._body
+        zero = np.zeros(len(self._free))
         S, M, _, W = self._modes
         column: tuple[Array, Array | float] | None = None
         source = np.zeros(1)
@@ -416,19 +441,22 @@ class Conduction:
             assemble = source_load if datum.kind == "source" else edge_load
             source = assemble(body.mesh, datum.data, datum.where)
             l_tilde, field = body.factor(self._key[0]).load(source)
-            right, column = (l_tilde, zero), (zero, field)
+            right = (l_tilde, zero)
+            column = (zero, field)
         elif datum.kind == "surroundings":
             ratio = self._ratios[datum.where[0]] if self._ratios else 1.0
             right = zero, ratio * body.surroundings(datum.data, datum.where)
         else:
             held = self._held_values(datum)
-            right, column = (-(S @ held), -(M @ held)), (held, 0.0)
+            right = (-(S @ held), -(M @ held))
+            column = (held, 0.0)
         moments = np.array([W.T @ part[self._free] for part in right])
         columns: tuple[int, ...] = ()
         if column is not None:
             columns = (len(self._columns),)
             self._columns.append(column)
-        heat, moved = float(source.sum()), float(np.abs(source).sum())
+        heat = float(source.sum())
+        moved = float(np.abs(source).sum())
         heated = _Heated(np.array(right), moments, heat, moved, columns)
         return self._data.setdefault(datum, heated)
 
@@ -451,7 +479,8 @@ class Conduction:
         S, M, mu, W = self._modes
         r_0, r_1 = heated.right
         m_0, m_1 = heated.moments
-        first, variation = int(free.all()), np.zeros(len(mu))
+        first = int(free.all())
+        variation = np.zeros(len(mu))
         variation[first:] = (m_0 + a * m_1)[first:] / (mu[first:] + a)
         if self._ratios or not first:
             x = np.zeros(len(free))
@@ -462,7 +491,7 @@ class Conduction:
         return variation
 
     def _shares(self, heated: _Heated, variation: Array) -> list[tuple[Column, float]]:
-        """Return a variation as a combination of columns, and add a column if they do not span it."""
+        """Return a variation as a combination of columns; add a column if they do not span it."""
         missed = variation - self._basis @ (self._basis.T @ variation)
         if np.linalg.norm(missed) > 2.0 * ROUNDING * np.linalg.norm(variation):
             missed -= self._basis @ (self._basis.T @ missed)
@@ -520,20 +549,31 @@ class Temperatures:
     def __init__(
         self, forms: ElasticForms, scene: Scene, scenes: Sequence[Scene], memory: float
     ) -> None:
-        """scene: any scene of the study;  scenes: all to come, if known;  memory: bytes of fields kept."""
-        self.mesh, self._forms, self._wanted = forms.mesh, forms, _wanted(scenes)
+        """Plan the temperatures of a study.
+
+        scene:  any scene of the study
+        scenes: all scenes to come, if known
+        memory: bytes of fields that are kept
+        """
+        self.mesh = forms.mesh
+        self._forms = forms
+        self._planned = _planned(scenes)
         self.held = tuple(edge for edge, _ in scene.held_theta)
         self._convection = tuple(edge for edge, _, _ in scene.exchange)
         self.nodes = self.mesh.nodes_on(*self._convection, *self.held)
-        self._memory = memory / max(1, len({k for k, _ in self._wanted}))
-        self._conductions, self._factors = Recent[Conduction](), Recent[HeatFactor]()
+        self._memory = memory / max(1, len({k for k, _ in self._planned}))
+        self._conductions = Recent[Conduction]()
+        self._factors = Recent[HeatFactor]()
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
         self._means = Recent[float]()
         self._last: tuple[Scene, Temperature] | None = None
         self._prepared: set[Conductivity] = set()
 
     def exchange(self, weights: Mapping[str, float]) -> Array:
-        """Return Σ w ∫φ_iφ_j over edges by name, by default over Γ_θ, dense on `nodes` (r, r) [m]."""
+        """Return Σ w ∫φ_iφ_j over edges by name, dense on `nodes` (r, r) [m].
+
+        Without weights it is over all of Γ_θ.
+        """
         segment_weights = np.zeros(len(self.mesh.segments))
         edge_weights = weights or dict.fromkeys(self._convection, 1.0)
         for name, weight in edge_weights.items():
@@ -548,8 +588,8 @@ class Temperatures:
         return edge_load(self.mesh, theta_bar, names or self._convection)[self.nodes]
 
     def conduction(self, k: Conductivity, ratios: Ratios) -> Conduction:
-        wanted = self._wanted.get((k, ratios), {})
-        return self._conductions.of((k, ratios), lambda: Conduction(self, k, ratios, wanted))
+        planned = self._planned.get((k, ratios), {})
+        return self._conductions.of((k, ratios), lambda: Conduction(self, k, ratios, planned))
 
     def factor(self, k: Conductivity) -> HeatFactor:
         """Return K factorised; it is dropped once its columns are computed."""
@@ -559,12 +599,13 @@ class Temperatures:
         """Return θ of a scene, zero for a scene without heat; uniform parts need no solution."""
         if self._last is not None and self._last[0] is scene:
             return self._last[1]
-        parts, is_balanced = list[Part](), False
-        known = scene.heat.theta
-        if isinstance(known, Expression):
-            parts = [Part({known: 1.0})]
-        elif known is not None:
-            parts = [Part({None: float(known)})]
+        parts = list[Part]()
+        is_balanced = False
+        prescribed = scene.heat.theta
+        if isinstance(prescribed, Expression):
+            parts = [Part({prescribed: 1.0})]
+        elif prescribed is not None:
+            parts = [Part({None: float(prescribed)})]
         elif scene.conducts:
             uniform, shares = heat_shares(scene)
             alpha, ratios = exchange_level(scene)
@@ -603,9 +644,11 @@ class Temperatures:
         return terms
 
     def _prepare(self, k: Conductivity) -> None:
-        """Compute the columns of all scenes to come, if they fit into the memory, and drop the
-        factor."""
-        all_ratios = [ratios for conductivity, ratios in self._wanted if conductivity == k]
+        """Compute the columns of all scenes to come, if they fit into the memory.
+
+        The factor is dropped then.
+        """
+        all_ratios = [ratios for conductivity, ratios in self._planned if conductivity == k]
         if k in self._prepared or not all_ratios:
             return
         self._prepared.add(k)
@@ -623,7 +666,8 @@ class Temperatures:
             return self._fields.of(name, lambda: values_at(name, self.mesh.points))
         if name in self._fields:
             return self._fields[name]
-        columns, values_of = name.together, dict[Field, Array]()
+        columns = name.together
+        values_of = dict[Field, Array]()
         fields = self.conduction(name.k, name.ratios).fields(columns)
         for column, values in zip(columns, fields, strict=True):
             values_of[column] = self._fields[column] = values
@@ -641,7 +685,10 @@ class Temperatures:
         return float(area @ theta[self.mesh.triangles].mean(axis=1)) / float(area.sum())
 
     def response(self, scene: Scene, source: Array) -> Array:
-        """Return θ (n,) of heat input at the nodes (n,) [W/m], surroundings and held edges at 0 [K]."""
+        """Return θ (n,) [K] of heat input at the nodes (n,) [W/m].
+
+        Surroundings and held edges are at 0.
+        """
         alpha, ratios = exchange_level(scene)
         k = scene.material.k or 1.0
         return self.conduction(relative_k(scene), ratios).response(source / k, alpha / k)
@@ -661,7 +708,7 @@ Planned = dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]]
 """Values of α/k by datum, for each set of conductivities and ratios."""
 
 
-def _wanted(scenes: Sequence[Scene]) -> Planned:
+def _planned(scenes: Sequence[Scene]) -> Planned:
     """Return the values of α/k of the scenes to come."""
     planned: Planned = {}
     for scene in distinct(scenes, *FELT):

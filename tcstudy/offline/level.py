@@ -1,9 +1,8 @@
-"""One mesh level of a study: matrices once, a factorisation for each λ/μ, a condensed problem for
-each sweep point.
+"""One mesh level of a study, from its matrices to a condensed problem for each sweep point.
 
-A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales
-with μ, l̃ does not depend on it, A⁻¹l scales with 1/μ. Where materials differ by region, the ratio
-has all their moduli and all springs over μ of the material of the body.
+Matrices are assembled once. A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials
+of the same ratio: Ã scales with μ, l̃ does not depend on it, A⁻¹l scales with 1/μ. Where materials
+differ by region, the ratio has all their moduli and all springs over μ of the material of the body.
 """
 
 from __future__ import annotations
@@ -68,12 +67,12 @@ ROUNDINGS = 4.0
 class BasisLoad:
     """A load without its magnitude: its kind, its shape s in space, and where it acts.
 
-    kind: "body":         ∫ s e_a·v over the body, data = (s, axis a)
-          "traction":     ∫ s d·v over the study edge `where`, data = (s, direction d)
-          "force":        a resultant of 1, spread evenly over an edge, data = (s, axis)
-          "moment":       a moment of 1 about the middle of an edge
-          "temperature":  ∫ θ tr ε(v) over regions (all without `where`) of the field `data`
-          "prescribed":   −a(w_D, v) for μ = 1, with w_D prescribed by the roles `data`; scales with μ
+    kind: "body":        ∫ s e_a·v over the body, data = (s, axis a)
+          "traction":    ∫ s d·v over the study edge `where`, data = (s, direction d)
+          "force":       a resultant of 1, uniformly distributed over an edge, data = (s, axis)
+          "moment":      a moment of 1 about the middle of an edge
+          "temperature": ∫ θ tr ε(v) over regions (all without `where`) of the field `data`
+          "prescribed":  −a(w_D, v) for μ = 1, w_D prescribed by the roles `data`; scales with μ
     """
 
     kind: Mechanical | Literal["temperature", "prescribed"]
@@ -156,13 +155,16 @@ class Condensed(NamedTuple):
 class CondensedBlock:
     """P scenes on one level whose bodies differ in μ only: plain arrays, nothing of the mesh.
 
-    A_tilde:  (m, m) for μ = 1; the scenes have mu·A_tilde [1]
-    c:        (m,) [m];  lambda_1: of A_tilde [1/m];  lambda_1_error: relative
-    mu:       (P,) shear moduli [Pa];  l_tilde: (P, m) condensed loads [N/m]
-    constant: (P,) total potential energies less L̃(u₁) [J/m]
+    A_tilde:          (m, m) for μ = 1; the scenes have mu·A_tilde [1]
+    c:                (m,) [m]
+    lambda_1:         of A_tilde [1/m]
+    lambda_1_error:   relative
+    mu:               (P,) shear moduli [Pa]
+    l_tilde:          (P, m) condensed loads [N/m]
+    constant:         (P,) total potential energies less L̃(u₁) [J/m]
     theta_mean, heat_balance: (P,) as in `Temperature`; NaN where temperature does not load the body
-    time:     wall time spent on factorisation and loads [s]
-    band:     λ₁ of the continuous body for μ = 1, if requested
+    time:             wall time spent on factorisation and loads [s]
+    band:             λ₁ of the continuous body for μ = 1, if requested
     """
 
     A_tilde: Array
@@ -198,7 +200,8 @@ class ElasticBody:
         """Raises NotPositiveDefinite if the body is not held."""
         self._level = level
         moduli, springs = ratio
-        frames, line = level.frames, level.line
+        frames = level.frames
+        line = level.line
         A = level.elastic.stiffness_of(moduli, frames)
         if springs:
             A = sp.csr_array(A + level.elastic.springs(springs, frames))
@@ -210,7 +213,8 @@ class ElasticBody:
             A, level.mesh.points, line.nodes, eliminate, 2, plan=level.elimination
         )
         level.elimination = self.condensation.plan
-        self.lambda_1, self.lambda_1_error = 0.0, 0.0
+        self.lambda_1 = 0.0
+        self.lambda_1_error = 0.0
         if level.held:
             self.condensation.require_definite()
             # Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky:
@@ -223,7 +227,8 @@ class ElasticBody:
             rounding = np.inf
             if value > 0.0:
                 rounding = ROUNDINGS * np.finfo(float).eps * work / value
-            self.lambda_1, self.lambda_1_error = value, error + rounding
+            self.lambda_1 = value
+            self.lambda_1_error = error + rounding
         self._fixed = np.flatnonzero(frames.fixed)
         self._reactions = A[self._fixed]  # the only rows of A that are used below
         self._basis: Recent[_Basis] = Recent(MEMORY, lambda basis: basis[0].nbytes)
@@ -250,9 +255,10 @@ class ElasticBody:
         return l_tilde @ factors, constant
 
     def _span(self, loads: Sequence[BasisLoad]) -> tuple[Array, Array, Array]:
-        """Return l̃ (m, t) of t basis loads, ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t), and their held rows (t, h)."""
+        """Return l̃ (m, t) of t basis loads, ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t) and their held rows (t, h)."""
         bases = self._bases(loads)
-        count, m = len(loads), self.condensation.m
+        count = len(loads)
+        m = self.condensation.m
         # L⁻¹l₂: the kept unknowns come last
         eliminated = [rows[: len(rows) - m] for rows, _ in bases]
         gram = np.array([[a @ b for b in eliminated] for a in eliminated]).reshape(count, count)
@@ -303,8 +309,10 @@ class ElasticBody:
 
 
 class Level:
-    """All scenes of a study on one mesh. Caches are keyed by value, so that equal inputs are
-    computed once."""
+    """All scenes of a study on one mesh.
+
+    Caches are keyed by value, so that equal inputs are computed once.
+    """
 
     def __init__(
         self,
@@ -323,7 +331,9 @@ class Level:
         Raises GeometryFailed if it is and an edge is curved.
         """
         start = time.perf_counter()
-        self.mesh, self.held, self.guarantee = mesh, held, guarantee
+        self.mesh = mesh
+        self.held = held
+        self.guarantee = guarantee
         if guarantee:
             require_straight(mesh)
         self._bands = Recent[Band]()
@@ -386,7 +396,7 @@ class Level:
         return terms
 
     def _terms(self, scene: Scene) -> list[LoadTerm]:
-        """Return the basis terms of the load, with prescribed displacements last if there are any."""
+        """Return the basis terms of the load, those of prescribed displacements last."""
         terms = self._load_terms(scene)
         if np.any(self.frames_of(scene.boundary).values):
             terms.append((BasisLoad("prescribed", _held(scene.boundary)), scene.material.mu))
@@ -397,7 +407,8 @@ class Level:
 
         Raises ValueError for a strength below 0.
         """
-        friction, line = scene.friction, self.line
+        friction = scene.friction
+        line = self.line
         if isinstance(friction, Laws):
             return friction
         return self._laws.of(
@@ -425,10 +436,12 @@ class Level:
         loads = []
         for scene in first_scenes:
             load, constant = self._load(scene)
-            mean, balance = np.nan, np.nan
+            mean = np.nan
+            balance = np.nan
             if scene.material.expands:
                 temperature = self.temperature(scene)
-                mean, balance = temperature.mean, temperature.heat_balance
+                mean = temperature.mean
+                balance = temperature.heat_balance
             loads.append((load, constant, mean, balance))
         body = self._body(scenes[0])
         l_tilde, constants, means, balances = (
@@ -458,7 +471,8 @@ class Level:
 
     def band(self, scene: Scene) -> Band:
         """Return bounds of λ₁ of the continuous body [Pa/m], computed once per λ/μ."""
-        ratio, mu = ratio_of(scene), scene.material.mu
+        ratio = ratio_of(scene)
+        mu = scene.material.mu
         if ratio not in self._bands:
             dual, factor = self.dual(scene)
             A_tilde = mu / factor * self._body(scene).condensation.A_tilde
@@ -471,7 +485,8 @@ class Level:
 
         One such body is kept at a time.
         """
-        ratio, mu = ratio_of(scene), scene.material.mu
+        ratio = ratio_of(scene)
+        mu = scene.material.mu
         if ratio not in self._duals:
             self._duals.clear()
             self._duals[ratio] = dual_body(self.mesh, scene, self.line), mu
@@ -483,7 +498,8 @@ class Level:
 
         It is NaN where a rigid edge moves the end.
         """
-        frames, n = self.frames_of(scene.boundary), self.mesh.n_points
+        frames = self.frames_of(scene.boundary)
+        n = self.mesh.n_points
         segments, sides = self.line.held
         nodes = self.line.segments[segments, sides]
         normals = self.mesh.end_normals[self.line.which[segments], sides]
@@ -507,7 +523,8 @@ class Level:
 
         They are u_x, u_y [m] and, if temperature loads the body, theta [K].
         """
-        u, n = self.displacement(scene, u_T), self.mesh.n_points
+        u = self.displacement(scene, u_T)
+        n = self.mesh.n_points
         fields = {"u_x": u[:n], "u_y": u[n:]}
         if scene.material.expands:
             fields["theta"] = self.temperature(scene).theta
@@ -542,7 +559,7 @@ class Level:
         return self.forces(u, moduli, scene.springs)
 
     def reactions(self, scene: Scene, u: Array) -> Array:
-        """Return the support reactions Au + Su − l_θ (2n,) in x and y of a solution u (2n,) [N/m]."""
+        """Return the reactions Au + Su − l_θ (2n,) in x and y of a solution u (2n,) [N/m]."""
         return self.stiffness_times(scene, u) - self.load(scene)
 
     def vector(self, load: BasisLoad) -> Array:
@@ -566,7 +583,10 @@ class Level:
 
 
 MAX_LIVE_NODES = 250
-"""Contact nodes up to which a page gets the arrays of a level: Ã of more takes several megabytes."""
+"""Contact nodes up to which a page gets the arrays of a level.
+
+Ã of more nodes takes several megabytes.
+"""
 
 
 def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -> dict[str, Array]:
@@ -576,10 +596,11 @@ def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -
 
     A_tilde: (m, m) of the first point;  stiffness: (*shape) μ over that of the first point
     load, mechanical_load: (*shape, m) l̃, and its part from f, g, pressure and forces
-    valid:   (*shape) 1 where Ã of a point is A_tilde × stiffness, at equal elastic ratios; else 0
+    valid: (*shape) 1 where Ã of a point is A_tilde × stiffness, at equal elastic ratios; else 0
     Raises NotPositiveDefinite as `Level.condensed`.
     """
-    first, m = scenes[0], level.line.m
+    first = scenes[0]
+    m = level.line.m
     if not 0 < m <= MAX_LIVE_NODES:
         return {}
     valid = np.array([level.ratio(scene) == level.ratio(first) for scene in scenes])

@@ -1,29 +1,24 @@
-"""Results of a solved point: lengths by law along Γ_C, forces of edges and sections, and requested
-quantities.
+"""Results of a solved point: lengths along Γ_C, forces of edges and sections, requested quantities.
 
-Lengths:    u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its
-            law is (s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`)
-            are exact differences
-            of such parts. The law of a segment is that of its edge; where strength varies along it,
-            each half has the
-            law of its own node
-Edges:      what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
-            where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work:
-            force times displacement
-Sections:   N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across
-            Γ_C at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean over its
-            sections is taken, which
-            is exact for nodal forces of P1: l(φt), φ = 1 before it, 0 behind it and linear on it,
-            is a(u, φt) but
-            for rounding. Friction adds ∫ξ/c over the cells S_i, so that N(s) between the middles of
-            segments is exact
-            where the line carries no other load
-Layers:     N of a region with a material of its own, of the forces of its triangles; with that of the rest they sum to
-            that of the body. What passes between two layers is that of P1, so that N of one has an
-            error that falls
-            with h
-Stress:     σ = cε(u) − βθI, one on each triangle, θ being its mean there; in plane strain σ_zz = λ div u − βθ
-Left out:   lines that bend.
+Lengths:  u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a
+          breakpoint s of its law is (s − min u_T)/(max u_T − min u_T), and lengths of regions
+          (`LawPieces.regions`) are exact differences of such parts. The law of a segment is that of
+          its edge; where strength varies along it, each half has the law of its own node
+Edges:    what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and
+          r = Au + Su − l_θ where the edge holds or touches the body; their sum with ∫f is 0 to
+          rounding. Work: force times displacement
+Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the
+          section across Γ_C at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean
+          over its sections is taken, which is exact for nodal forces of P1: l(φt), φ = 1 before it,
+          0 behind it and linear on it, is a(u, φt) but for rounding. Friction adds ∫ξ/c over the
+          cells S_i, so that N(s) between the middles of segments is exact where the line carries no
+          other load
+Layers:   N of a region with a material of its own, of the forces of its triangles; with that of the
+          rest they sum to that of the body. What passes between two layers is that of P1, so that N
+          of one has an error that falls with h
+Stress:   σ = cε(u) − βθI, one on each triangle, θ being its mean there; in plane strain σ_zz = λ
+          div u − βθ
+Left out: lines that bend.
 """
 
 from __future__ import annotations
@@ -54,7 +49,8 @@ def line_numbers(
     """Return results (P,) along the contact line by name.
 
     They are `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's laws
-    have no such region, and `held_u_T` (P, h) of held ends [m]. The first of equal tractions counts.
+    have no such region, and `held_u_T` (P, h) of held ends [m]. The first of equal tractions
+    counts.
 
     laws: of rows (P, 1) or (P, m);  v, xi: (P, m) slips [m] and tractions [Pa]
     """
@@ -82,18 +78,23 @@ def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str,
     laws: of rows (P, 1) or (P, m)
     held: (P, h) slips of the held ends of segments, NaN for that of the node beside it
     """
-    line, index = level.line, laws.index
+    line = level.line
+    index = laws.index
     by_node = laws.index.shape[1] > 1
-    lengths, is_held = line.lengths, line.unknowns < 0
+    lengths = line.lengths
+    is_held = line.unknowns < 0
     ends = v[:, np.where(is_held, line.own_law, line.unknowns)]
     ends[:, is_held] = np.where(np.isnan(held), ends[:, is_held], held)
-    first, second = ends[..., 0], ends[..., 1]
+    first = ends[..., 0]
+    second = ends[..., 1]
     if by_node:
         middle = 0.5 * (first + second)
-        first, second = np.hstack([first, middle]), np.hstack([middle, second])
+        first = np.hstack([first, middle])
+        second = np.hstack([middle, second])
         lengths = np.tile(0.5 * lengths, 2)
         index = index[:, line.own_law.T.ravel()]
-    low, high = np.minimum(first, second), np.maximum(first, second)
+    low = np.minimum(first, second)
+    high = np.maximum(first, second)
     uniform = low == high
     # what sticks at an up-jump is in no region
     sticks = uniform & (laws.kind(laws.locate(low, index)) == UP)
@@ -128,13 +129,15 @@ def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, floa
 
     kappa: (m,) largest slips of the nodes so far, linear between them [m]
     """
-    table, m = law.tables, line.m
+    table = law.tables
+    m = line.m
     debonded = (table.regions == DEBONDED) & (table.lower >= 0.0)
     if not np.any(debonded):
         return {}
     limit = np.min(np.where(debonded, table.lower, np.inf), axis=1)
     beyond = kappa - limit[law.node_index(m)]
-    nodes, x = np.flatnonzero(beyond >= 0.0), line.arclength
+    nodes = np.flatnonzero(beyond >= 0.0)
+    x = line.arclength
     if not len(nodes):
         return {"debonded_from": np.nan, "debonded_to": np.nan}
 
@@ -144,10 +147,9 @@ def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, floa
         share = beyond[node] / (beyond[node] - beyond[neighbour])
         return float(x[node] + share * (x[neighbour] - x[node]))
 
-    first, last = nodes[0], nodes[-1]
     return {
-        "debonded_from": front(first, first - 1, 0.0),
-        "debonded_to": front(last, last + 1, float(line.lengths.sum())),
+        "debonded_from": front(nodes[0], nodes[0] - 1, 0.0),
+        "debonded_to": front(nodes[-1], nodes[-1] + 1, float(line.lengths.sum())),
     }
 
 
@@ -198,7 +200,8 @@ def section_force(
 
     u_T: (m,) [m];  sigma: (t, 4) stress [Pa]
     """
-    line, mesh = level.line, level.mesh
+    line = level.line
+    mesh = level.mesh
     lengths = line.lengths
     tangents = (line.ends[:, 1] - line.ends[:, 0]) / lengths[:, None]
     tangent = tangents[0]
@@ -226,9 +229,9 @@ def section_force(
         middle = 0.5 * (node_at[1:] + node_at[:-1])
         if len(lengths) > 1:  # linear extrapolation to the ends of the line
             slopes = (np.diff(N) / np.diff(middle))[[0, -1]]
-            first = N[0] - slopes[0] * middle[0]
-            last = N[-1] + slopes[1] * (node_at[-1] - middle[-1])
-            N = np.concatenate([[first], N, [last]])
+            N_begin = N[0] - slopes[0] * middle[0]
+            N_end = N[-1] + slopes[1] * (node_at[-1] - middle[-1])
+            N = np.concatenate([[N_begin], N, [N_end]])
             middle = np.concatenate([[0.0], middle, node_at[-1:]])
         return np.interp(node_at, middle, N) + (friction if with_friction else 0.0)
 
@@ -245,8 +248,10 @@ def section_force(
 
 
 MAX_OUTSIDE = 0.1
-"""Largest distance of a point outside all triangles, in barycentric coordinates; between a chord and
-its arc, for example."""
+"""Largest distance of a point outside all triangles, in barycentric coordinates.
+
+A point between a chord and its arc is outside, for example.
+"""
 
 
 @dataclass(frozen=True)
@@ -261,7 +266,8 @@ class RequestedOutputs:
 
         All are numbers but N, which is (m,).
         """
-        level, quantities = self.level, self.output.quantities
+        level = self.level
+        quantities = self.output.quantities
         u = level.displacement(scene, u_T)
         is_warm = scene.material.expands
         theta = np.zeros(level.mesh.n_points)
@@ -305,7 +311,8 @@ class RequestedOutputs:
         if section is None:
             return {}
         N, layers, arclength = section
-        largest = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
+        size = np.abs(N)
+        largest = int(np.argmax(size >= (1.0 - EQUAL) * size.max()))
         unknowns = self.level.line.unknowns
         is_free = np.append(unknowns[:, 0], unknowns[-1, 1]) >= 0
         variables: dict[str, Any] = {
@@ -322,7 +329,8 @@ class RequestedOutputs:
         means = dict[str, float]()
         for name, _ in scene.boundary:
             ends = mesh.segments[mesh.on(name)]
-            lengths = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
+            along = mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]
+            lengths = np.hypot(*along.T)
             mean = lengths @ theta[ends].mean(axis=1) / lengths.sum()
             means[f"theta_mean_{name}"] = float(mean)
         return means
@@ -334,7 +342,8 @@ class RequestedOutputs:
         lam, mu, beta = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta"))
         sigma_zz = lam * (strain[:, 0] + strain[:, 1])
         sigma = np.column_stack([stress_of(strain, lam, mu), sigma_zz])
-        sigma[:, [0, 1, 3]] -= (beta * theta[mesh.triangles].mean(axis=1))[:, None]
+        thermal_stress = beta * theta[mesh.triangles].mean(axis=1)
+        sigma[:, [0, 1, 3]] -= thermal_stress[:, None]
         for where, material in scene.pieces:
             sigma[mesh.inside(where), 3] *= material.plane == "strain"
         return sigma
@@ -346,7 +355,8 @@ class RequestedOutputs:
         mesh = self.level.mesh
         barycentric = mesh.barycentric(np.array(probe.at))
         triangle = int(np.argmax(barycentric.min(axis=1)))
-        nodes, weights = mesh.triangles[triangle], barycentric[triangle]
+        nodes = mesh.triangles[triangle]
+        weights = barycentric[triangle]
         if weights.min() <= -MAX_OUTSIDE:
             return {}
         u_x, u_y = u.reshape(2, -1)[:, nodes] @ weights

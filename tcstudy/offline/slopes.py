@@ -1,11 +1,13 @@
-"""Derivatives of a condensed problem by one number p of its scene: of its load and body, and of its
-friction.
+"""Derivatives of a condensed problem by one number p of its scene.
+
+They are those of its load and body, and those of its friction.
 
 Of the whole body's problem A(p) u = l(p), with û the displacement at a solution, prescribed part
 w_D included, and E the extension of contact nodes,
 
     r = ∂l̃/∂p − (∂Ã/∂p) v = Eᵀ(∂l/∂p − (∂A/∂p) û − A ∂w_D/∂p)           one forward elimination
-    ∂(energy)/∂p = ½ ûᵀ(∂A/∂p)û − (∂l/∂p)ᵀû + (Aû − l)ᵀ ∂w_D/∂p         envelope theorem; friction's part is the law's
+    ∂(energy)/∂p = ½ ûᵀ(∂A/∂p)û − (∂l/∂p)ᵀû + (Aû − l)ᵀ ∂w_D/∂p         envelope theorem, and the
+                                                                         law's part of friction
     ∂λ₁/∂p = x̂ᵀ(∂A/∂p)x̂ / xᵀCx,   x̂ = E x, x the eigenvector
 
 exactly, for E, ν, alpha_T, beta and k of the body or of a region, stiffness of springs, α of edges
@@ -93,7 +95,8 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
 
 def _material_change(level: Level, scene: Scene, path: tuple[str, ...]) -> Change:
     """Return the change by a number of the body's material, or of that of a region."""
-    region, name = path[1:2], path[-1]
+    region = path[1:2]
+    name = path[-1]
     where, material = scene.pieces[0]
     if path[0] == "materials":
         where, material = next(piece for piece in scene.pieces if piece[0] == region)
@@ -102,7 +105,8 @@ def _material_change(level: Level, scene: Scene, path: tuple[str, ...]) -> Chang
         derivative(getattr(stepped_material, symbol)) for symbol in ("lam", "mu", "beta", "k")
     )
     none = np.zeros(2 * level.mesh.n_points)
-    load, mean = none, 0.0
+    load = none
+    mean = 0.0
     if beta:
         load = beta * level.elastic.expansion(level.temperature(scene).theta, where)
     if k and scene.heat.theta is None and scene.conducts:
@@ -147,7 +151,8 @@ class WholeBody:
 
     def right_side(self, change: Change) -> Array:
         """Return ∂l̃/∂p − (∂Ã/∂p) v (m,)."""
-        level, load = self.level, change.load
+        level = self.level
+        load = change.load
         if change.moduli or change.springs:
             load = load - self._times(change, self.u)
         if np.any(change.held):
@@ -183,9 +188,9 @@ class WholeBody:
     def _least(self) -> tuple[Array, Array]:
         """Return λ₁ with the next eigenvalue, and the eigenvector x (m,) with xᵀCx = 1."""
         problem = self.level.condensed(self.scene).problem
-        last = min(1, problem.m - 1)
+        last_index = min(1, problem.m - 1)
         values, vectors = scipy.linalg.eigh(
-            problem.A_tilde, np.diag(problem.c), subset_by_index=[0, last]
+            problem.A_tilde, np.diag(problem.c), subset_by_index=[0, last_index]
         )
         return np.append(values, np.inf)[:2], vectors[:, 0]
 
@@ -198,8 +203,10 @@ class WholeBody:
 class FrictionSlopes:
     """Derivatives of friction by a number, at the slips v of a solution; 0 unless a law has it.
 
-    b:      (m,) ∂b/∂p;  kinks: (m,) derivatives of the kinks at which nodes stick
-    energy: derivative of Σ c_i j_i, with that of nodes that stick at a moving kink [J/m per unit of p]
+    b:      (m,) ∂b/∂p
+    kinks:  (m,) derivatives of the kinks at which nodes stick
+    energy: derivative of Σ c_i j_i, with that of nodes that stick at a moving kink [J/m per unit of
+            p]
     omega:  derivative of the largest ω; NaN at a down-jump, where laws of equal ω do not agree, and
             where the law of a joint alone has it
     """
@@ -210,22 +217,28 @@ class FrictionSlopes:
     omega: float = 0.0
 
 
-def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> FrictionSlopes:
+def friction_slopes(
+    level: Level, scene: Scene, by: Sensitivity, solution: Linearised
+) -> FrictionSlopes:
     """Return the derivatives of friction by a number at a solution.
 
     A node that sticks at a kink has v = κ(p): with b on the inner side of κ, its energy changes by
     c (∂j/∂p + b κ′) − ξ κ′.
     Raises KeyError where no law has the parameter.
     """
-    c = at.problem.c
-    b, kinks, energy = np.zeros(len(at.v)), np.zeros(len(at.v)), 0.0
+    c = solution.problem.c
+    b = np.zeros(len(solution.v))
+    kinks = np.zeros(len(solution.v))
+    energy = 0.0
     if by.path[0] != "friction":
         return FrictionSlopes(b, kinks)
     softening: list[tuple[float, float]] = []  # ω of each law and its derivative
     for law, nodes, factor, has_parameter in _laws(level, scene, by.path):
-        largest_factor, omega_slope = float(np.max(factor, initial=0.0)), 0.0
+        largest_factor = float(np.max(factor, initial=0.0))
+        omega_slope = 0.0
         if has_parameter:
-            slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
+            slopes = law_slopes(law, number_of(by.path))
+            s = solution.v[nodes]
             b[nodes] += factor * slopes.value(s, law.piece(s))
             if len(law.kinks):
                 kink_slopes = slopes.kinks[law.nearest_kink(s)]
@@ -233,10 +246,12 @@ def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised)
             energy += float(np.sum(c[nodes] * factor * slopes.potential(s)))
             omega_slope = largest_factor * slopes.omega()
         softening.append((largest_factor * law.omega if law.omega else 0.0, omega_slope))
-    if np.any(kinks[at.stuck]):
-        law = at.problem.law
-        inner = np.where(at.v > 0.0, *law.limits(law.nearest_kink(at.v)))
-        energy += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.stuck].sum())
+    if np.any(kinks[solution.stuck]):
+        v = solution.v
+        law = solution.problem.law
+        inner = np.where(v > 0.0, *law.limits(law.nearest_kink(v)))
+        change = (c * inner - solution.problem.xi(v)) * kinks
+        energy += float(change[solution.stuck].sum())
     largest = max(omega for omega, _ in softening)
     if not np.isfinite(largest) or abs(largest - level.law(scene).omega) > 1e-9 * largest:
         return FrictionSlopes(b, kinks, energy, float("nan"))
@@ -248,7 +263,8 @@ def _laws(
     level: Level, scene: Scene, path: tuple[str, ...]
 ) -> Iterator[tuple[Laws, Index, Array, bool]]:
     """Yield each law, its nodes, its factor there, and whether it has the parameter."""
-    friction, line = scene.friction, level.line
+    friction = scene.friction
+    line = level.line
     if isinstance(friction, Laws):
         yield friction, np.arange(line.m, dtype=np.intp), np.ones(line.m), True
         return

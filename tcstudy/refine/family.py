@@ -37,11 +37,14 @@ class Estimate:
 
     n_dof:      degrees of freedom of the level
     energy:     relative error √(Σ η_K²)/‖u_h‖ in the energy norm
-    error:      relative error of the goal, or in the energy norm without one; the tolerance limits it
+    error:      relative error of the goal, or in the energy norm without one; the tolerance limits
+                it
     indicators: (t,) shares of the triangles in error² (energy) or error (goal)
-    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u)
+    value:      J(u_h) of the goal, NaN without one
+    limit:      estimated J(u)
     goal:       estimated |J(u) − J(u_h)|, in the unit of J
-    hidden:     (s,) parts of `goal` that segments of Γ_C beside held nodes hide; empty for the energy norm
+    hidden:     (s,) parts of `goal` that segments of Γ_C beside held nodes hide; empty for the
+                energy norm
     """
 
     n_dof: int
@@ -80,7 +83,8 @@ class Estimate:
 class ErrorEstimator:
     """The estimates of one level, point by point.
 
-    level:  the solved level;  plan: how the study refines
+    level:  the solved level
+    plan:   how the study refines
     before: the estimates of the level before
     scenes: all scenes to come, if known: the finer mesh of goals then shares their basis loads
     exact:  the exact solution, if the study gives one, with which goals are compared
@@ -115,11 +119,11 @@ class ErrorEstimator:
         stored = {"error_estimate": estimate.energy}
         if goal.quantity != "energy":
             stored |= {"goal": estimate.value, "goal_estimate": estimate.goal}
-        known = goal.known
-        if known is None and self.exact is not None:
-            known = known_goal(goal, self.exact, scene)
-        if known is not None:
-            stored["goal_error"] = abs(estimate.value - known)
+        exact_value = goal.known
+        if exact_value is None and self.exact is not None:
+            exact_value = known_goal(goal, self.exact, scene)
+        if exact_value is not None:
+            stored["goal_error"] = abs(estimate.value - exact_value)
             if stored["goal_error"] > 0.0:
                 stored["goal_effectivity"] = estimate.goal / stored["goal_error"]
         return stored
@@ -127,8 +131,10 @@ class ErrorEstimator:
     # -- one solution ------------------------------------------------------------------------------
 
     def _estimate(self, index: Index, scene: Scene, v: Array) -> Estimate:
-        goal, n_dof = self.plan.goal, self.level.frames.n_dof
-        u, problem = self.level.displacement(scene, v), self.level.condensed(scene).problem
+        goal = self.plan.goal
+        n_dof = self.level.frames.n_dof
+        u = self.level.displacement(scene, v)
+        problem = self.level.condensed(scene).problem
         squares, norm = self.energy_squares(scene, problem, v, u)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
@@ -182,7 +188,8 @@ class ErrorEstimator:
 
         last: whether there is no further level
         """
-        plan, error = self.plan, self.error
+        plan = self.plan
+        error = self.error
         if math.isnan(error):
             return "no point was solved, so nothing says what to refine"
         reached = f"{plan.goal.kind} relative error {error:.2g} of {plan.goal.quantity}"
@@ -197,7 +204,8 @@ class ErrorEstimator:
             return f"nothing to refine: {reached} is rounding"
         missed = "" if plan.tolerance is None else f"tolerance {plan.tolerance:g} not met: "
         if self.hopeless:
-            return f"{missed}{reached}, and no bound converges where ω ≥ λ₁ of the body, as at one point at least"
+            cause = "no bound converges where ω ≥ λ₁ of the body, as at one point at least"
+            return f"{missed}{reached}, and {cause}"
         if last:
             return f"{missed}{reached} on the last level" + (", raise max_levels" if missed else "")
         n_dof = self.level.frames.n_dof
@@ -237,7 +245,8 @@ class ErrorEstimator:
         """
         one_step = 1.0 - 0.5 * self.plan.marking
         least_step = 1.0 - 0.5 * LEAST_MARKING
-        tolerance, quantity = self.plan.tolerance, self.plan.goal.quantity
+        tolerance = self.plan.tolerance
+        quantity = self.plan.goal.quantity
         if tolerance is None or not tolerance < self.error < math.inf:
             return one_step
         needed = tolerance / self.error
@@ -292,7 +301,8 @@ def bisected(
     the error, at a held end of Γ_C or at a front, are cut several times on the way to one level.
     Hidden parts fall with the lengths of their cells.
     """
-    first_total, elapsed = math.nan, 0.0
+    first_total = math.nan
+    elapsed = 0.0
     level = mesh.level + 1
     for _ in range(MAX_BISECTIONS):
         all_shares = shares + hidden_shares(mesh, hidden)
@@ -308,7 +318,8 @@ def bisected(
         elapsed += finer.time_mesh
         parent, _ = located(mesh, finer.centres)
         area_ratio = finer.area / mesh.area[parent]
-        mesh, shares = finer, shares[parent] * area_ratio**2
+        mesh = finer
+        shares = shares[parent] * area_ratio**2
     return replace(mesh, level=level, time_mesh=elapsed)
 
 
@@ -334,7 +345,8 @@ class Family(Meshes):
 
         Raises GeometryFailed if the mesher fails.
         """
-        plan, estimator = self._study.mesh, self._estimator
+        plan = self._study.mesh
+        estimator = self._estimator
         if not plan.strategy.adapts or level == 0:
             return super().next(level)
         assert self.mesh is not None

@@ -10,38 +10,29 @@ weighted residual): where to refine; how large the error is, see goal_error.py. 
 no differentiable function of the solution as the sum of slipping cells; its dual problem is that of
 the fronts' positions within their cells, which are.
 
-Fronts:     |u_T − s_k| ~ r^{3/2} at the distance r from a front, s_k the kink that the sticking nodes rest on
-            (Williams' exponents with u_N = 0 are ½, 3/2, …, and r^{1/2} would break the bound), so
-            that |u_T −
-            s_k|^{2/3} is linear and the front lies where the line through two slipping nodes is
-            zero. The node next to
-            it carries the front's own discretisation error and is left out where there are two
-            more. On uniform meshes
-            it lies (0.10 ± 0.03) h inside the sticking side of the true one (25 positions of a
-            closed form); the nodal
-            one is off by up to h/2. Beside a held node of given u_T = s_k a zone shorter than the
-            cell may stick
-            although no node does: if the same line is zero inside the cell, there is a front; its
-            place is a guess
-Held ends:  from a held node with its given slip s₀ to the next node with v₁, u_T takes every value between, but the
-            cell has one ξ₁/c₁ = b(v₁). Where |v₁| passes the length over which b falls, or friction
-            turns, that is the
-            same on all meshes too coarse to see it. Under an up-jump at s₀ a zone beside it sticks
-            unless slip there is
-            driven by more than friction holds back (beside a clamp at 90° slip is r (A − C ln(1/r))
-            and turns at a
-            distance that A/C puts at any power of ten). So ξ/c is off in the cell by no more than
-            max |b(s) − b(v₁)|
-            over s between s₀ and v₁, and over 0 put into [b⁻(s₀), b⁺(s₀)], and |δJ| ≤ ½ (|a| + |a −
-            z₁|) · most ·
-            width; the slip length lacks the width besides
-Left out:   fronts that a jump of the data or a corner holds in place have other exponents. Where the slip does not grow
-            away from a front, or only one node slips, the middle of the cell stands. Traction at a
-            corner itself, which
-            displacements that grow along a side beside a sticking zone may give it
+Fronts:     |u_T − s_k| ~ r^{3/2} at the distance r from a front, s_k the kink that the sticking
+            nodes rest on (Williams' exponents with u_N = 0 are ½, 3/2, …, and r^{1/2} would break
+            the bound), so that |u_T − s_k|^{2/3} is linear and the front lies where the line
+            through two slipping nodes is zero. The node next to it carries the front's own
+            discretisation error and is left out where there are two more. On uniform meshes it lies
+            (0.10 ± 0.03) h inside the sticking side of the true one (25 positions of a closed
+            form); the nodal one is off by up to h/2. Beside a held node of given u_T = s_k a zone
+            shorter than the cell may stick although no node does: if the same line is zero inside
+            the cell, there is a front; its place is a guess
+Held ends:  from a held node with its given slip s₀ to the next node with v₁, u_T takes every value
+            between, but the cell has one ξ₁/c₁ = b(v₁). Where |v₁| passes the length over which b
+            falls, or friction turns, that is the same on all meshes too coarse to see it. Under an
+            up-jump at s₀ a zone beside it sticks unless slip there is driven by more than friction
+            holds back (beside a clamp at 90° slip is r (A − C ln(1/r)) and turns at a distance that
+            A/C puts at any power of ten). So ξ/c is off in the cell by no more than max |b(s) −
+            b(v₁)| over s between s₀ and v₁, and over 0 put into [b⁻(s₀), b⁺(s₀)], and |δJ| ≤ ½ (|a|
+            + |a − z₁|) · most · width; the slip length lacks the width besides
+Left out:   fronts that a jump of the data or a corner holds in place have other exponents. Where
+            the slip does not grow away from a front, or only one node slips, the middle of the cell
+            stands. Traction at a corner itself, which displacements that grow along a side beside a
+            sticking zone may give it
 Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of
-Variational
-            Inequalities by Adaptive Finite Elements (2008) for contact
+            Variational Inequalities by Adaptive Finite Elements (2008) for contact
 """
 
 from __future__ import annotations
@@ -75,16 +66,20 @@ REACH = 0.5
 class SlipFront:
     """A stick–slip transition.
 
-    segment: index of its cell in line.segments;  width: length of the cell [m]
-    more:    length of the slip zone beyond that of its nodes, ½ width − (distance from the sticking node) [m]
-    doubt:   uncertainty for lack of slipping nodes: ½ width where the middle of the cell is taken, else 0 [m]
+    segment: index of its cell in line.segments
+    width:   length of the cell [m]
+    excess:  length of the slip zone beyond that of its nodes, ½ width − (distance from the sticking
+             node) [m]
+    doubt:   uncertainty for lack of slipping nodes: ½ width where the middle of the cell is taken,
+             else 0 [m]
+    nodes:   contact unknowns on which `excess` depends
+    slopes:  its derivatives by their u_T [1]
     hidden:  whether it lies beside a held node and no node sticks
-    nodes:   contact unknowns on which `more` depends;  slopes: its derivatives by their u_T [1]
     """
 
     segment: int
     width: float
-    more: float
+    excess: float
     doubt: float
     nodes: tuple[int, ...]
     slopes: tuple[float, ...]
@@ -93,10 +88,12 @@ class SlipFront:
 
 def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFront]:
     """Return all fronts of a contact solution v (m,), hidden ones last; ends of Γ_C are none."""
-    law, ends = problem.law, line.unknowns
+    law = problem.law
+    ends = line.unknowns
     if not len(law.kinks):
         return []
-    sticks, held = law.sticking(v), ends == HELD
+    sticks = law.sticking(v)
+    held = ends == HELD
     end_sticks = sticks[ends] & ~held
     visible = ~held.any(axis=1) & (end_sticks[:, 0] != end_sticks[:, 1])
     beside_held = (held[:, 0] != held[:, 1]) & ~end_sticks.any(axis=1)
@@ -126,8 +123,8 @@ def _visible_front(
         slope = 0.5 * width / (EXPONENT * float(slip[nodes[0]]))
         return SlipFront(segment, width, 0.0, 0.5 * width, (nodes[0],), (slope,))
     place, pair, zero_slopes = zero
-    more = 0.5 * width - float(np.clip(place, -REACH * width, (1.0 + REACH) * width))
-    return SlipFront(segment, width, more, 0.0, pair, zero_slopes)
+    distance = float(np.clip(place, -REACH * width, (1.0 + REACH) * width))
+    return SlipFront(segment, width, 0.5 * width - distance, 0.0, pair, zero_slopes)
 
 
 def _hidden_front(
@@ -160,7 +157,8 @@ def _slipping_nodes(
     direction: 1 along the line, −1 against it
     The distances are from the node at the beginning of the segment.
     """
-    nodes, distances = list[int](), list[float]()
+    nodes = list[int]()
+    distances = list[float]()
     distance = 0.0
     far_end = 1 if direction > 0 else 0
     while len(nodes) < 3:
@@ -184,7 +182,7 @@ def slip_length(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[f
     """Return the length of Γ_C that slips, fronts located within their cells, and its doubt [m]."""
     slip_fronts = fronts(line, problem, v)
     nodal = float(problem.c[~problem.law.sticking(v)].sum())
-    length = nodal + sum(front.more for front in slip_fronts)
+    length = nodal + sum(front.excess for front in slip_fronts)
     return length, sum(front.doubt for front in slip_fronts)
 
 
@@ -197,7 +195,7 @@ def slopes(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 
 
 def _zero(
-    at: list[float], nodes: list[int], slip: Array
+    distances: list[float], nodes: list[int], slip: Array
 ) -> tuple[float, tuple[int, int], tuple[float, float]] | None:
     """Return the zero of the line through |slip|^{2/3} of the two farthest nodes, if it rises.
 
@@ -205,16 +203,15 @@ def _zero(
     """
     if len(nodes) < 2:
         return None
-    (p, q), (r_p, r_q) = nodes[-2:], at[-2:]
+    p, q = nodes[-2:]
+    r_p, r_q = distances[-2:]
     y_p, y_q = np.abs(slip[[p, q]]) ** (1 / EXPONENT)
     if y_q <= y_p:
         return None
     rise = (r_q - r_p) * y_p * y_q / ((y_q - y_p) ** 2 * EXPONENT)
-    return (
-        float(r_p - y_p * (r_q - r_p) / (y_q - y_p)),
-        (p, q),
-        (float(rise / slip[p]), float(-rise / slip[q])),
-    )
+    zero = float(r_p - y_p * (r_q - r_p) / (y_q - y_p))
+    zero_slopes = float(rise / slip[p]), float(-rise / slip[q])
+    return zero, (p, q), zero_slopes
 
 
 def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> float:
@@ -231,9 +228,9 @@ def weight_of_friction(goal: Goal) -> float:
     return float(goal.quantity == "friction_resultant")
 
 
-def point_weights(line: ContactLine, at: Point) -> Array:
-    """Return w (m,) with u_T(at) = wᵀv at the point of Γ_C nearest to `at`; 0 at held nodes."""
-    nearest, t = line.nearest(at)
+def point_weights(line: ContactLine, point: Point) -> Array:
+    """Return w (m,) with u_T = wᵀv at the point of Γ_C nearest to a point; 0 at held nodes."""
+    nearest, t = line.nearest(point)
     w = np.zeros(line.m)
     for unknown, share in zip(line.unknowns[nearest], (1.0 - t, t), strict=True):
         if unknown >= 0:
@@ -247,9 +244,11 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     ξ_i of a sticking node is the integral with its hat function, ½ t·width less than that of the
     traction t there. The cell c_i of a slipping node reaches up to the held node.
     """
-    sticks, xi = problem.law.sticking(v), problem.xi(v)
+    sticks = problem.law.sticking(v)
+    xi = problem.xi(v)
     ends = line.unknowns
-    node, width = ends.max(axis=1), line.lengths
+    node = ends.max(axis=1)
+    width = line.lengths
     at_held = (ends.min(axis=1) < 0) & sticks[node]
     hat = line.c.copy()
     np.add.at(hat, node[at_held], -0.5 * width[at_held])
@@ -257,20 +256,24 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 
 
 def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """Return half of the change of b between two neighbours beyond its chord, times the cell (s,)
-    [N/m].
+    """Return half the change (s,) of b between two neighbours beyond its chord, times the cell.
 
-    A jump counts fully: such a front sticks at a node whatever the load, so that ∫ξ is known to a
-    cell there. So do softening from a sticking node to one beyond it, and a change of the sign of
-    the slip between two nodes. Bends between nodes close to each other leave O(h²).
+    It is a force per unit of thickness [N/m]. A jump counts fully: such a front sticks at a node
+    whatever the load, so that ∫ξ is known to a cell there. So do softening from a sticking node to
+    one beyond it, and a change of the sign of the slip between two nodes. Bends between nodes close
+    to each other leave O(h²).
     """
     ends = line.unknowns
     low, high = np.sort(v[ends], axis=1).T
-    law, free = problem.law.of_nodes(ends.max(axis=1)), np.all(ends >= 0, axis=1)
-    tables, rows = law.tables, law.node_index(len(ends))
-    b_low, b_high = law.b(low, 1)[:, None], law.b(high, -1)[:, None]
+    law = problem.law.of_nodes(ends.max(axis=1))
+    free = np.all(ends >= 0, axis=1)
+    tables = law.tables
+    rows = law.node_index(len(ends))
+    b_low = law.b(low, 1)[:, None]
+    b_high = law.b(high, -1)[:, None]
     kinks = tables.kinks[rows]
-    low, high = low[:, None], high[:, None]
+    low = low[:, None]
+    high = high[:, None]
     inside = free[:, None] & (low < kinks) & (kinks < high)
     with np.errstate(invalid="ignore", divide="ignore"):
         chord = b_low + (kinks - low) / (high - low) * (b_high - b_low)
@@ -288,7 +291,8 @@ def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     changes by about the same from cell to cell. Sticking nodes carry the reaction of the body, not
     b. At an interface junction a node has parts of both laws, and nothing steps.
     """
-    law, ends = problem.law, line.unknowns
+    law = problem.law
+    ends = line.unknowns
     if law.one:
         return np.zeros(len(ends))
     p, q = ends.T
@@ -299,7 +303,8 @@ def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     is_compared = is_free & (slips[p] | slips[q]) & ~at_joint
     difference = np.abs(law.of_nodes(p).b(slip) - law.of_nodes(q).b(slip))
     difference = np.where(is_compared, difference, 0.0)
-    before, after = np.append(0.0, difference[:-1]), np.append(difference[1:], 0.0)
+    before = np.append(0.0, difference[:-1])
+    after = np.append(difference[1:], 0.0)
     return np.where(difference > 2.0 * np.maximum(before, after), difference, 0.0)
 
 
@@ -308,7 +313,8 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
 
     Raises LinAlgError at a turning point of the solution.
     """
-    a, w = np.full(line.m, weight_of_friction(goal)), np.zeros(line.m)
+    a = np.full(line.m, weight_of_friction(goal))
+    w = np.zeros(line.m)
     if goal.at is not None:
         w = point_weights(line, goal.at)
     elif goal.quantity == "slip_length":
@@ -339,25 +345,29 @@ def hidden_effects(
     effects = np.zeros(len(line.segments))
     if not len(problem.law.kinks):
         return effects
-    ends, a = line.unknowns, weight_of_friction(goal)
-    displacement, along = u.reshape(2, -1), line.ends[:, 1] - line.ends[:, 0]
-    widths, sticks = line.lengths, problem.law.sticking(v)
+    ends = line.unknowns
+    a = weight_of_friction(goal)
+    displacement = u.reshape(2, -1)
+    along = line.ends[:, 1] - line.ends[:, 0]
+    widths = line.lengths
+    sticks = problem.law.sticking(v)
     traction = problem.xi(v) / problem.c
     noise = ROUNDINGS * float(np.abs(u).max())
     for cell in np.flatnonzero(ends.min(axis=1) < 0).tolist():
         node = int(ends[cell].max())
         held_node = int(line.segments[cell, np.argmin(ends[cell])])
         law = problem.law.single(node)
-        given = float(displacement[:, held_node] @ along[cell]) / float(widths[cell])
-        near_kinks = np.flatnonzero(np.abs(law.kinks - given) <= noise)
+        held_slip = float(displacement[:, held_node] @ along[cell]) / float(widths[cell])
+        near_kinks = np.flatnonzero(np.abs(law.kinks - held_slip) <= noise)
         if len(near_kinks):
-            given = float(law.kinks[near_kinks[0]])
-        if sticks[node] and given == v[node]:
+            held_slip = float(law.kinks[near_kinks[0]])
+        if sticks[node] and held_slip == v[node]:
             continue  # the sticking zone is visible
-        is_between = (law.kinks > min(given, v[node])) & (law.kinks < max(given, v[node]))
-        is_stick = (law.kinks == given) & (law.kinds == UP)
+        low, high = sorted((held_slip, v[node]))
+        is_between = (law.kinks > low) & (law.kinks < high)
+        is_stick = (law.kinks == held_slip) & (law.kinds == UP)
         tractions = [*law.b_left[is_between], *law.b_right[is_between]]
-        tractions.append(float(law.b(given, 1 if v[node] > given else -1)))
+        tractions.append(float(law.b(held_slip, 1 if v[node] > held_slip else -1)))
         for kink in np.flatnonzero(is_stick):
             tractions.append(float(np.clip(0.0, law.b_left[kink], law.b_right[kink])))
         largest = float(np.max(np.abs(np.array(tractions) - traction[node])))
@@ -370,8 +380,11 @@ def hidden_effects(
 
 
 Hidden = list[tuple[int, int, float]]
-"""Parts of an error that end cells hide, which shrink with the lengths of the cells: held mesh nodes,
-boundary curves of their cells, and parts over the lengths of the cells [1/m]."""
+"""Parts of an error that end cells hide, which shrink with the lengths of the cells.
+
+They are held mesh nodes, boundary curves of their cells, and parts over the lengths of the cells
+[1/m].
+"""
 
 
 def hidden_on(mesh: PlaneMesh, line: ContactLine, parts: Array) -> Hidden:
