@@ -62,7 +62,8 @@ from tcstudy.data.schema import (
     result,
     step_variables,
 )
-from tcstudy.scene.histories import START, ContactState
+from tcstudy.scene.contact_states import ContactState
+from tcstudy.scene.histories import START
 from tcstudy.scene.study import Axis, Study
 
 _VERTEX, _PIECE, _INTERVAL = ("vertex",), ("piece",), ("interval",)

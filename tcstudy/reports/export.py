@@ -76,7 +76,7 @@ from tcstudy.reports.select_point import (
 )
 from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.reports.text import counted
-from tcstudy.scene.histories import ContactState
+from tcstudy.scene.contact_states import ContactState
 from tcstudy.scene.records import Scene
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from tcstudy.reports.select_point import (
     locate,
     of_largest_slip,
 )
-from tcstudy.scene.histories import ContactState, node_states
+from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.records import Clamped, Edge, Free, Material, Role, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_points

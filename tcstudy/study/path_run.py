@@ -45,7 +45,7 @@ from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Condensed, Level
-from tcstudy.scene.histories import ContactState, node_states
+from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.path_plan import Direction, PathPlan
 from tcstudy.scene.records import Scene

@@ -1,7 +1,7 @@
 """What a node of the contact line does: sticks, slips, softens, drops or has weakened."""
 
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.histories import ContactState, node_states
+from tcstudy.scene.contact_states import ContactState, node_states
 
 
 def test_states_of_nodes() -> None:

@@ -24,7 +24,7 @@ from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import law_of_nodes, read_picture
 from tcstudy.reports.terminal.paths import folds_of
 from tcstudy.reports.terminal.summary import text_of
-from tcstudy.scene.histories import ContactState, node_states
+from tcstudy.scene.contact_states import ContactState, node_states
 from tests.reports.conftest import FILMS, Stored
 from tests.reports.figures.shown import SIZES, crowded, drawn, key_of
 

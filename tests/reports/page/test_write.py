@@ -25,7 +25,7 @@ from tcstudy.reports.page.parts import Container
 from tcstudy.reports.page.run import drawn_law, read
 from tcstudy.reports.page.write import write_page
 from tcstudy.reports.terminal.paths import STATES
-from tcstudy.scene.histories import ContactState
+from tcstudy.scene.contact_states import ContactState
 from tests.reports.conftest import FILMS, Stored
 from tests.reports.figures.shown import example_laws
 from tests.reports.page.browser import data_of, unpacked
