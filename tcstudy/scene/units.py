@@ -1,6 +1,6 @@
 """Physical dimensions and texts such as "210 GPa": a number and a unit, converted to SI.
 
-Units are known to pint; its registry is made when the first text with an unusual unit occurs. Left
+Units are those of pint; its registry is made when the first text with an unusual unit occurs. Left
 out on purpose: units with an offset (degC), because temperatures are counted from the stress-free
 state, and logarithmic units.
 """
@@ -24,7 +24,10 @@ from tcstudy.expressions.expression import VARIABLES, Expression, parse
 class Dimension:
     """A physical dimension as it is shown to the user and written to data.
 
-    name:    words for messages;  si: the SI unit for pint;  cf: the same in UDUNITS form;  example: a valid text
+    name:    words for messages
+    si:      the SI unit for pint
+    cf:      the SI unit in UDUNITS form
+    example: a valid text
     """
 
     name: str
@@ -56,8 +59,14 @@ PLAIN: dict[Dimension, dict[str, float]] = {
     AREA: {"cm^2": 1e-4, "mm^2": 1e-6},
     TRACTION: {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6},
     STIFFNESS: {
-        **{"kPa/m": 1e3, "MPa/m": 1e6, "GPa/m": 1e9, "kPa/mm": 1e6, "MPa/mm": 1e9, "GPa/mm": 1e12},
-        **{"MPa/um": 1e12, "N/mm^3": 1e9},
+        "kPa/m": 1e3,
+        "MPa/m": 1e6,
+        "GPa/m": 1e9,
+        "kPa/mm": 1e6,
+        "MPa/mm": 1e9,
+        "GPa/mm": 1e12,
+        "MPa/um": 1e12,
+        "N/mm^3": 1e9,
     },
     BODY_FORCE: {"kN/m^3": 1e3, "MN/m^3": 1e6},
     LINE_FORCE: {"kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3, "kN/mm": 1e6},
@@ -68,8 +77,10 @@ PLAIN: dict[Dimension, dict[str, float]] = {
     THERMAL_STRESS: {"kPa/K": 1e3, "MPa/K": 1e6},
     VELOCITY: {"mm/s": 1e-3},
 }
-"""Usual units and their sizes in SI, which are looked up before pint is imported: it takes a third
-of a second before its first answer."""
+"""Usual units and their sizes in SI.
+
+They are looked up before pint is imported, which takes a third of a second before its first answer.
+"""
 
 USUAL = (
     "nm",
@@ -98,74 +109,86 @@ NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 QUANTITY = re.compile(
     rf"({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°℃℉K%]|(?<=\s)[0-9(]).*)", re.DOTALL
 )
+"""A number, then a unit that does not look like the end of a number such as 1e-3."""
 UNIT = re.compile(r"[A-Za-zµμΩΩ°%*/^()\s0-9_-]{1,60}")
+"""Signs of which units are made."""
 LONGEST = 2000
-"""Characters of the longest text that may be a number with a unit."""
+"""Largest number of characters of a text that may be a number with a unit."""
 SIGNS = str.maketrans(
     {**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−–", "-"), "∕": "/", "⁄": "/"}
 )
-"""Signs of products, quotients and exponents that ASCII writes otherwise; those of W·m⁻² are raised
-−2 (NFKC)."""
+"""Signs of products, quotients and exponents, and what ASCII has for them.
 
+Raised digits as in W·m⁻² are made plain by NFKC.
+"""
 
 PLAIN_SIGNS = SIGNS | str.maketrans(
     {**dict.fromkeys("‐‑‒—－﹣", "-"), "＋": "+", "÷": "/", "²": "^2", "³": "^3", "π": "pi"}
 )
-"""Signs that look like those of numbers and expressions, and these."""
+"""Signs that look like those of numbers and expressions, and what to write for them."""
 GROUPED = re.compile(
     r"(?P<sign>[+-]?)(?P<lead>[0-9]{1,3})(?P<rest>(?P<mark>[,.'’_ \u00a0\u2009\u202f])[0-9]{3}"
     r"(?:(?P=mark)[0-9]{3})*)(?![0-9])(?:(?P<point>[.,])(?P<decimals>[0-9]+))?(?P<unit>.*)"
 )
 """A number whose digits stand in groups of three."""
 DECIMAL_COMMA = re.compile(r"(?P<number>[+-]?[0-9]*),(?P<decimals>[0-9]+)(?P<unit>[^,]*)")
+"""A number with a comma before its decimals."""
 
 
 def marked_number(text: str) -> tuple[str, str] | None:
-    """Return what is wrong with a number that has marks between its digits, as 210,000 MPa, and
-    what to write; None of other texts."""
+    """Return the fault of a number with marks between its digits, and the remedy.
+
+    Such a number is 210,000 MPa. None for other texts.
+    """
     text = text.strip()
     grouped = GROUPED.fullmatch(text)
     decimal = DECIMAL_COMMA.fullmatch(text)
-    of_decimal = (
-        f"{decimal['number'] or 0}.{decimal['decimals']}{decimal['unit']}" if decimal else ""
-    )
-    if grouped is not None and grouped["mark"] != grouped["point"]:
-        mark, rest = grouped["mark"], grouped["rest"]
-        digits = grouped["lead"] + rest.replace(mark, "")
-        decimals = f".{grouped['decimals']}" if grouped["decimals"] else ""
-        whole = f"{grouped['sign']}{digits}{decimals}{grouped['unit']}"
-        if decimal is None or grouped["point"]:
-            if mark == "." and len(rest) == 4 and not decimals:
-                return None
-            return f"{text!r} has marks between its digits", f"write {whole}"
-        if grouped["lead"] != "0":
-            what = f"{text!r} has a comma, which may stand for thousands or for a decimal point"
-            return what, f"write {whole} or {of_decimal}"
+    with_point = ""
     if decimal is not None:
-        return f"{text!r} has a decimal comma", f"write a decimal point: {of_decimal}"
+        with_point = f"{decimal['number'] or 0}.{decimal['decimals']}{decimal['unit']}"
+    if grouped is not None and grouped["mark"] != grouped["point"]:
+        mark = grouped["mark"]
+        groups = grouped["rest"]
+        digits = grouped["lead"] + groups.replace(mark, "")
+        decimals = f".{grouped['decimals']}" if grouped["decimals"] else ""
+        without_marks = f"{grouped['sign']}{digits}{decimals}{grouped['unit']}"
+        if decimal is None or grouped["point"]:
+            is_plain_decimal = mark == "." and len(groups) == 4 and not decimals
+            if is_plain_decimal:
+                return None
+            return f"{text!r} has marks between its digits", f"write {without_marks}"
+        if grouped["lead"] != "0":
+            fault = f"{text!r} has a comma, which may stand for thousands or for a decimal point"
+            return fault, f"write {without_marks} or {with_point}"
+    if decimal is not None:
+        return f"{text!r} has a decimal comma", f"write a decimal point: {with_point}"
     return None
 
 
 class UnitError(ValueError):
-    """A text with a unit that cannot be read, or has another dimension than expected: what is
-    wrong, what to write."""
+    """A text with a unit that cannot be read, or has another dimension than expected.
+
+    Its arguments are the fault and the remedy.
+    """
 
     def __str__(self) -> str:
-        """Both in one text."""
+        """Return both in one text."""
         return "; ".join(self.args)
 
 
 def split_quantity(text: str) -> tuple[str, str] | None:
-    """The number and the unit of a text like "210 GPa"; None if it is not of that form (an
-    expression, say)."""
-    match = QUANTITY.fullmatch(text.strip()) if len(text) <= LONGEST else None
+    """Return the number and the unit of a text like "210 GPa", None for one of another form."""
+    if len(text) > LONGEST:
+        return None
+    match = QUANTITY.fullmatch(text.strip())
     return (match[1], match[2]) if match else None
 
 
 def to_si(number: str, unit: str, dimension: Dimension) -> float:
-    """The number in the SI unit of the dimension, rounded once; raises UnitError.
+    """Return the number in the SI unit of the dimension, rounded once.
 
     The product is taken in decimals: "40 um" is 4e-5 exactly as if the user had written it so.
+    Raises UnitError.
     """
     factor = _factor(unit, dimension)
     try:
@@ -179,82 +202,96 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
     return value
 
 
-DIMENSIONS = tuple(one for one in list(globals().values()) if isinstance(one, Dimension))
-"""All above: of two with the same units, the first is meant where only units are given."""
+DIMENSIONS = tuple(value for value in list(globals().values()) if isinstance(value, Dimension))
+"""All dimensions; of two with the same units the first is meant where only units are given."""
 
 
 def common_unit(values: Iterable[object], dimension: Dimension) -> tuple[str, float]:
-    """The unit that all numbers of a study are written in, and its size in SI; the SI unit if they
-    have none in common.
+    """Return the unit in which all numbers of a study are written, and its size in SI.
 
-    A zero needs no unit.
+    It is the SI unit if they have none in common. A zero needs no unit.
     """
     units = {str(value).lstrip("+-.0123456789eE ").rstrip() for value in values if value != 0}
     unit = units.pop() if len(units) == 1 else ""
+    if not unit:
+        return dimension.si, 1.0
     try:
-        return "µm" if unit == "um" else unit or dimension.si, to_si(
-            "1", unit, dimension
-        ) if unit else 1.0
+        size = to_si("1", unit, dimension)
     except UnitError:  # a text that its reader refuses
         return dimension.si, 1.0
+    return "µm" if unit == "um" else unit, size
 
 
 @lru_cache(maxsize=64)
 def dimensions_of(unit: str) -> Any:
-    """Exponents of the base units of a unit in pint's words."""
+    """Return the exponents of the base units of a unit in pint's words."""
     return registry().parse_units(unit or "dimensionless").dimensionality
 
 
 @lru_cache(maxsize=1024)
 def _factor(unit: str, dimension: Dimension) -> float:
-    if unit == dimension.si or unit in PLAIN.get(dimension, ()):
-        return 1.0 if unit == dimension.si else PLAIN[dimension][unit]
-    example = f"write for example {dimension.example}"
-    spelt = re.sub(
-        r"\s+", " ", unicodedata.normalize("NFKC", unit).translate(SIGNS).replace("**", "^")
-    )
-    spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
+    """Return the size of a unit in SI; raises UnitError."""
+    if unit == dimension.si:
+        return 1.0
+    if unit in PLAIN.get(dimension, ()):
+        return PLAIN[dimension][unit]
+    spelt = _in_ascii(unit)
     # Exponents have one digit: a chain of powers is a typing error and could keep the unit library
     # busy for ever.
     if not UNIT.fullmatch(spelt) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
         raise UnitError(f"{unit[:40]!r} is not a unit", _unknown_remedy(unit, dimension))
     units = registry()
+    si_unit = dimension.si or "dimensionless"
     try:
-        one = units.Quantity(1.0, units.parse_units(spelt))
+        size = units.Quantity(1.0, units.parse_units(spelt))
         zero = units.Quantity(0.0, units.parse_units(spelt))
     except Exception:  # the parser of pint lets errors of its tokenizer and its arithmetic through
-        raise UnitError(
-            f"{unit[:40]!r} is not a known unit", _unknown_remedy(unit, dimension)
-        ) from None
-    if not one.is_compatible_with(dimension.si or "dimensionless"):
-        raise UnitError(f"{unit!r} is not a unit of {dimension.name}{in_si(dimension)}", example)
+        fault = f"{unit[:40]!r} is not a known unit"
+        raise UnitError(fault, _unknown_remedy(unit, dimension)) from None
+    if not size.is_compatible_with(si_unit):
+        fault = f"{unit!r} is not a unit of {dimension.name}{in_si(dimension)}"
+        raise UnitError(fault, f"write for example {dimension.example}")
     if dimension == TEMPERATURE and zero.to("K").magnitude != 0.0:
         difference = f"delta_{units.parse_units(spelt)}".replace("degree_Celsius", "degC")
         difference = difference.replace("degree_Fahrenheit", "degF")
         remedy = f"write K or {difference}: temperatures are differences to the stress-free state"
         raise UnitError(f"{unit!r} has its own zero", remedy)
-    factor = float(one.to(dimension.si or "dimensionless").magnitude)
+    factor = float(size.to(si_unit).magnitude)
     return float(f"{factor:.15g}")
 
 
+def _in_ascii(unit: str) -> str:
+    """Return a unit with the signs of ASCII, and ^ before its exponents."""
+    spelt = unicodedata.normalize("NFKC", unit).translate(SIGNS).replace("**", "^")
+    spelt = re.sub(r"\s+", " ", spelt)
+    return re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
+
+
 def in_si(dimension: Dimension) -> str:
-    """The SI unit in parentheses, for messages; empty for plain numbers."""
+    """Return the SI unit in parentheses, for messages; empty for plain numbers."""
     return f" ({dimension.si})" if dimension.si else ""
 
 
 def _unknown_remedy(unit: str, dimension: Dimension) -> str:
     usual = {name.lower(): name for name in USUAL}
-    spelt = re.sub(r"[A-Za-zµμ]+", lambda word: usual.get(word[0].lower(), word[0]), unit)
+
+    def as_usual(word: re.Match[str]) -> str:
+        return usual.get(word[0].lower(), word[0])
+
+    spelt = re.sub(r"[A-Za-zµμ]+", as_usual, unit)
     if spelt != unit:
         return f"did you mean {spelt!r}? Units are case-sensitive"
     if re.search(r"(?<![A-Za-z])([xy]|sin|cos|tan|exp|log|sqrt)(?![A-Za-z])", unit):
-        return f"an expression has no unit and every product its *: write 2*x, not 2 x; a quantity: {dimension.example}"
+        return (
+            "an expression has no unit and every product its *: write 2*x, not 2 x; "
+            f"a quantity: {dimension.example}"
+        )
     return f"units are case-sensitive: write for example {dimension.example}"
 
 
 @lru_cache(maxsize=1)
 def registry() -> Any:
-    """The unit registry; imported here because most of the package never needs it."""
+    """Return the unit registry; pint is imported here because most studies never need it."""
     import pint
 
     return pint.UnitRegistry(cache_folder=None)
@@ -268,31 +305,35 @@ class Named(NamedTuple):
 
 
 def units_of(expression: Expression, named: Mapping[str, Named]) -> Any:
-    """Exponents of the base units of an expression with names in it; None where coordinates leave
-    them open.
+    """Return the exponents of the base units of an expression with names in it.
 
-    Raises UnitError where units do not go together.
+    None where coordinates leave them open. Raises UnitError where units do not go together.
     """
     if expression.variables & {*VARIABLES}:
         return None
     from pint import DimensionalityError
 
     quantity = registry().Quantity
-    given = {
-        name: quantity(np.float64(one.value), one.dimension.si or "dimensionless")
-        for name, one in named.items()
+    quantities = {
+        name: quantity(np.float64(number.value), number.dimension.si or "dimensionless")
+        for name, number in named.items()
     }
     try:
         with np.errstate(all="ignore"):
-            return getattr(expression.fold(given), "dimensionality", dimensions_of(""))
+            value = expression.fold(quantities)
     except DimensionalityError as error:
-        one, two = (in_words(dimensions_of(str(unit))) for unit in (error.units1, error.units2))
-        remedy = "give all terms the same unit, functions plain numbers; one with a unit needs a name of parameters"
-        raise UnitError(f"has {one} where it needs {two}", remedy) from None
+        actual = in_words(dimensions_of(str(error.units1)))
+        needed = in_words(dimensions_of(str(error.units2)))
+        remedy = (
+            "give all terms the same unit, functions plain numbers; "
+            "one with a unit needs a name of parameters"
+        )
+        raise UnitError(f"has {actual} where it needs {needed}", remedy) from None
+    return getattr(value, "dimensionality", dimensions_of(""))
 
 
 def in_words(dimensionality: Any) -> str:
-    """Exponents of base units as a text: length^2 time^-1."""
+    """Return exponents of base units as a text: length^2 time^-1."""
     words = " ".join(f"{name.strip('[]')}^{power:g}" for name, power in dimensionality.items())
     return words.replace("^1 ", " ").removesuffix("^1") or "a plain number"
 
@@ -301,17 +342,18 @@ _parsed = lru_cache(maxsize=4096)(parse)
 
 
 def expression_of(text: str, named: Mapping[str, Named], dimension: Dimension | None) -> Expression:
-    """An expression in x and y, its names bound to their numbers.
+    """Return an expression in x and y, its names bound to their numbers.
 
-    dimension: that it must have, unless it is a plain number, as any number may be; None where
-    units are none Raises ExpressionError, UnitError.
+    dimension: that it must have, unless it is a plain number, as any number may be; None in a study
+               without units
+    Raises ExpressionError and UnitError.
     """
-    found = _parsed(text, tuple(named))
-    if not named or found.variables <= {*VARIABLES}:
-        return found
+    expression = _parsed(text, tuple(named))
+    if not named or expression.variables <= {*VARIABLES}:
+        return expression
     if dimension is not None:
-        units = units_of(found, named)
+        units = units_of(expression, named)
         if units not in (None, dimensions_of(""), dimensions_of(dimension.si)):
-            what = f"{text!r} is {in_words(units)}, not {dimension.name}{in_si(dimension)}"
-            raise UnitError(what, "look at the units of its names")
-    return found.bound({name: one.value for name, one in named.items()})
+            fault = f"{text!r} is {in_words(units)}, not {dimension.name}{in_si(dimension)}"
+            raise UnitError(fault, "look at the units of its names")
+    return expression.bound({name: number.value for name, number in named.items()})

@@ -139,7 +139,7 @@ def test_what_killed_writers_left_goes_and_what_others_write_stays(
     host = files.aside_of(output).name.split(".")[-2].partition("-")[0]
     output.parent.mkdir()
     dead, at_work = f".{output.name}.{host}-7.tmp", f".{output.name}.00000000-7.tmp"
-    others = [f".{output.name}.more.nc.{host}-7.tmp", f"{output.name}.7.tmp"]
+    others = [f".{output.name}.excess.nc.{host}-7.tmp", f"{output.name}.7.tmp"]
     for name in (dead, at_work, *others):
         (output.parent / name).touch()
         if name != at_work:

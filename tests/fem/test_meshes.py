@@ -108,7 +108,7 @@ def test_a_file_that_keeps_the_kernel_busy_crashes_it_or_has_no_shape_is_said_to
     crashes.write_text(HANGS + " ")
     empty.write_text("hello")
     assert "cannot be read as STEP or BREP" in str(file_fault(empty))
-    monkeypatch.setattr(foreign_file, "SECONDS", 0.7)
+    monkeypatch.setattr(foreign_file, "MAX_SECONDS", 0.7)
     assert "did not finish reading it within" in str(file_fault(bad))
     monkeypatch.setattr(
         foreign_file, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"

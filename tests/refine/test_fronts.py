@@ -53,7 +53,7 @@ def test_a_zone_that_hides_beside_a_held_node() -> None:
     v = (line.arclength - 0.7) ** 1.5
     (front,) = fronts(line, problem, v)
     assert front.hidden
-    assert (front.more, slip_length(line, problem, v)[0]) == (
+    assert (front.excess, slip_length(line, problem, v)[0]) == (
         pytest.approx(-0.7),
         pytest.approx(8.0 - 0.7),
     )
