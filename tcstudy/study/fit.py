@@ -264,7 +264,8 @@ def _fits(
 def _check_sensitivity(plan: FitPlan, minimum: Minimum, box: Box) -> None:
     """Raise FitError if the data do not depend on a parameter at a minimum."""
     p = minimum.p
-    scale = np.where(box.log, p, np.maximum(np.abs(p), box.high - box.low))
+    linear_scale = np.maximum(np.abs(p), box.high - box.low)
+    scale = np.where(box.log, p, linear_scale)
     size = np.linalg.norm(minimum.jacobian * scale, axis=0)
     is_idle = size <= MIN_SENSITIVITY * size.max()
     idle = [plan.parameters[i].number.name for i in np.flatnonzero(is_idle)]

@@ -397,7 +397,8 @@ class MovingPath:
     def _rates_beside(self, side: int, corner: int) -> Array:
         """Return the rates at an end of a side, as they are on the side."""
         path = self.curve.path
-        return self.rates(self.curve.beside(side, path.u[corner], float(path.t[corner])))
+        t = float(path.t[corner])
+        return self.rates(self.curve.beside(side, path.u[corner], t))
 
     def rates(self, point: CurvePoint) -> Array:
         """Return (2, k) ∂(t, R)/∂p of a point of the curve.

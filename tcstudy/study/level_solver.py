@@ -396,7 +396,8 @@ def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
     for points_of_group in np.split(order, cuts):
         n_blocks = -(-len(points_of_group) // size)
         for points in np.array_split(points_of_group, n_blocks):
-            blocks.append(Block(points, int(wave[points[0]]), int(ratio[points[0]])))
+            first = points[0]
+            blocks.append(Block(points, int(wave[first]), int(ratio[first])))
     return blocks
 
 

@@ -115,7 +115,7 @@ def plan(study: Study) -> Plan:
         points=len(study.scenes),
         levels=counted_sizes(geometries[largest]),
         notes=tuple(_notes_of_geometries(study, plans)),
-        bytes=sum(plan.bytes for plan in plans),
+        bytes=sum(forecast.bytes for forecast in plans),
     )
 
 
@@ -145,7 +145,7 @@ def _notes_of_geometries(study: Study, plans: Sequence[Plan]) -> Iterator[str]:
             yield f"refused, {variant.words}: {variant.reason}"
     yield from unused(study)
     words = [variant.words for variant in study.variants if variant.study is not None]
-    notes = [(name, plan.notes) for name, plan in zip(words, plans, strict=True)]
+    notes = [(name, forecast.notes) for name, forecast in zip(words, plans, strict=True)]
     yield from map(str, once(notes))
 
 
