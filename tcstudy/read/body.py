@@ -1,7 +1,8 @@
-"""Reads the section `body`: outline, rectangle or file; holes and named regions; and what must hold
-across sections: no free rigid motions, a sensible number of elements, corners where two edges
-prescribe displacements that agree, and expressions, which must have a finite value where they are
-used, at sample points.
+"""Reading the section `body`, and checks of the body against other sections.
+
+A body has an outline, a rectangle or a file, holes and named regions. The checks are: no free rigid
+motions, a sensible number of elements, displacements of two edges that agree at their corner, and
+expressions with finite values at sample points of where they are used.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass, replace
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,55 +63,57 @@ SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
 """Formats of geometry files and the length unit that is usual in each."""
 STEP_FORMATS = (".step", ".stp")
-"""Those whose header may state the unit."""
+"""Formats whose header may state the unit."""
 SHAPES = ("outline", "rectangle", "file")
-AN_EDGE = "{from: [0 mm, 0 mm], edge: NAME}"
+EDGE_EXAMPLE = "{from: [0 mm, 0 mm], edge: NAME}"
+CIRCLE_EXAMPLE = "{circle: {center: [x, y], radius: r}}"
 
 Names = tuple[str, ...]
 
 
 def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
-    """The body, None after a fault, and the names of its edges, None if they are not known after a
-    fault. Its shape is not checked yet (see check_shape)."""
-    before = len(ctx.errors)
+    """Return the body, None after a fault, and the names of its edges, None if not known.
+
+    Its shape is not checked yet (see check_shape).
+    """
+    fault_count = len(ctx.errors)
     fields = Fields(ctx, node, "body")
-    given = [key for key in SHAPES if fields[key]]
-    if len(given) != 1 and len(ctx.errors) == before:
-        what = f"is given by {' and '.join(given)}" if given else "has no shape"
-        ctx.at(node, what, "give exactly one of outline, rectangle, file")
-    loops = [_loop(ctx, value, key, "block") for key in SHAPES[:2] if (value := fields[key])]
+    shape_keys = [key for key in SHAPES if fields[key]]
+    if len(shape_keys) != 1 and len(ctx.errors) == fault_count:
+        fault = f"is given by {' and '.join(shape_keys)}" if shape_keys else "has no shape"
+        ctx.at(node, fault, "give exactly one of outline, rectangle, file")
+    outline: Loop | None = None
+    for key in SHAPES[:2]:
+        if value := fields[key]:
+            outline = _loop(ctx, value, key, "block")
     brep = _file(ctx, value) if (value := fields["file"]) else None
     holes = []
     for item in ctx.items(fields["holes"], "a list of holes"):
-        kind, inner = only_key(ctx, item, "hole", "{circle: {center: [x, y], radius: r}}")
+        kind, inner = only_key(ctx, item, "hole", CIRCLE_EXAMPLE)
         holes.append(_loop(ctx, inner, kind) if kind else _unknown(""))
     if brep and (value := fields["holes"]):
-        ctx.at(
-            value,
-            "holes are cut out of an outline, not of a file's face",
-            "cut them in the CAD file",
-        )
+        fault = "holes are cut out of an outline, not of a file's face"
+        ctx.at(value, fault, "cut them in the CAD file")
     remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
-    regions = ctx.mapping(fields["regions"], "names to shapes", remedy, least=0, named=True)
-    if BODY in regions:
-        what = f"{BODY!r} is the name of what of the body no region takes"
-        ctx.at(regions[BODY], what, "give the region another name", on_key=True)
-    named = tuple(_region(ctx, item, name) for name, item in regions.items())
-    body = Body(loops[-1] if loops else None, tuple(holes), named, brep)
+    items = ctx.mapping(fields["regions"], "names to shapes", remedy, least=0, named=True)
+    if BODY in items:
+        fault = f"{BODY!r} is the name of what of the body no region takes"
+        ctx.at(items[BODY], fault, "give the region another name", on_key=True)
+    regions = tuple(_region(ctx, item, name) for name, item in items.items())
+    body = Body(outline, tuple(holes), regions, brep)
     names = edge_names(body)
-    known = len(given) == 1 and names and "" not in names
-    return body if len(ctx.errors) == before else None, names if known else None
+    has_names = len(shape_keys) == 1 and names and "" not in names
+    is_sound = len(ctx.errors) == fault_count
+    return body if is_sound else None, names if has_names else None
 
 
 def edge_names(body: Body) -> Names:
-    """Names of all edges, each once, in the order of the study."""
-    names = [edge.name for edge in body.edges]
+    """Return the names of all edges, each once, in the order of the study."""
+    names = list[str]()
     if body.brep:
-        names = [
-            *(name for name, _ in body.brep.edges),
-            *([body.brep.other] if body.brep.other else []),
-            *names,
-        ]
+        names += (name for name, _ in body.brep.edges)
+        names += [body.brep.other] if body.brep.other else []
+    names += (edge.name for edge in body.edges)
     return tuple(dict.fromkeys(names))
 
 
@@ -117,110 +121,99 @@ _check_body = lru_cache(maxsize=4096)(body_faults.check_body)  # many geometries
 
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
-    """Record what is wrong with the shape of the body where the study gives it; True if it is
-    sound."""
+    """Record the faults of the shape of the body; return whether it is sound."""
     faults = _check_body(body)
-    given = root.at("body")
-    written = _written_unit(ctx, [given] if faults and given else [])
+    node = root.at("body")
+    written = _written_unit(ctx, [node] if faults and node else [])
     for fault in faults:
         place = root.nearest(*(split_path(fault.where) or ("body",)))
-        what = body_faults.spots_in(fault.what, *written)
+        problem = body_faults.spots_in(fault.what, *written)
         remedy = body_faults.spots_in(fault.remedy, *written)
-        ctx.errors.unfit(place, fault.where, what, remedy)
+        ctx.errors.unfit(place, fault.where, problem, remedy)
     return not faults
 
 
 def _loop(ctx: Context, node: Node, kind: str, section: str = "", edge: str | None = None) -> Loop:
-    """A loop of edges: outline, rectangle, circle or polygon; of a region all edges have its name.
+    """Return a loop of edges: outline, rectangle, circle or polygon.
 
-    section: of the keys of the shape, if not named as the shape;  edge: name of all edges, None if the shape has it
+    section: of the keys of the shape, if it is not named as the shape
+    edge:    name of all edges, as in a region; None if the shape gives the names
     """
     if kind == "outline":
-        chain = [Fields(ctx, item, kind) for item in ctx.items(node, "a list of edges", 2, AN_EDGE)]
-        starts, names, middles = (
-            [one.value(key) for one in chain] for key in ("from", "edge", "through")
-        )
-        if len(starts) == 2 and middles == [None, None]:
-            ctx.at(
-                node,
-                "two straight edges enclose nothing",
-                "give a third edge, or an arc by `through: [x, y]`",
-            )
-        edges = map(Edge, starts, [*starts[1:], *starts[:1]], names, middles)
-        return body_faults.turned(Loop(tuple(edges)))
+        return _outline(ctx, node)
     if kind == "polygon":
-        return body_faults.turned(
-            shapes.polygon_loop(ctx.value(node, rows("region")[kind]), edge or "")
-        )
+        points = ctx.value(node, rows("region")[kind])
+        return body_faults.turned(shapes.polygon_loop(points, edge or ""))
     if section == "block" and kind == "rectangle":
         fields = Fields(ctx, node, section)
-        own = Fields(ctx, value, "sides").given() if (value := fields["edges"]) else {}
-        named = tuple(own.get(side, side) for side in SIDES)
+        sides = Fields(ctx, value, "sides").given() if (value := fields["edges"]) else {}
+        names = tuple(sides.get(side, side) for side in SIDES)
     else:
-        fields = Fields(
-            ctx, node, kind, [key for key in rows(kind) if edge is None or key != "edge"], ()
-        )
-        named = (str(fields.value("edge")) if edge is None else edge,) * 4
+        required = [key for key in rows(kind) if edge is None or key != "edge"]
+        fields = Fields(ctx, node, kind, required, ())
+        names = (str(fields.value("edge")) if edge is None else edge,) * 4
     if kind == "circle":
         center, radius = fields.value("center"), fields.value("radius")
-        return shapes.circle_loop(center, radius, named[0]) if radius > 0.0 else _unknown(named[0])
-    corner, width, height = (fields.value(key) for key in ("corner", "width", "height"))
-    return (
-        shapes.rectangle_loop(corner, width, height, named)
-        if width > 0.0 and height > 0.0
-        else _unknown(*named)
-    )
+        return shapes.circle_loop(center, radius, names[0]) if radius > 0.0 else _unknown(names[0])
+    corner, width, height = map(fields.value, ("corner", "width", "height"))
+    if width > 0.0 and height > 0.0:
+        return shapes.rectangle_loop(corner, width, height, names)
+    return _unknown(*names)
+
+
+def _outline(ctx: Context, node: Node) -> Loop:
+    items = ctx.items(node, "a list of edges", 2, EDGE_EXAMPLE)
+    edge_fields = [Fields(ctx, item, "outline") for item in items]
+    starts = [fields.value("from") for fields in edge_fields]
+    names = [fields.value("edge") for fields in edge_fields]
+    middles = [fields.value("through") for fields in edge_fields]
+    if len(starts) == 2 and middles == [None, None]:
+        remedy = "give a third edge, or an arc by `through: [x, y]`"
+        ctx.at(node, "two straight edges enclose nothing", remedy)
+    edges = map(Edge, starts, [*starts[1:], *starts[:1]], names, middles)
+    return body_faults.turned(Loop(tuple(edges)))
 
 
 def _unknown(*names: str) -> Loop:
-    """Stands for a loop that could not be read, of which only the names of the edges are known."""
+    """Return a stand-in for a loop that could not be read, with the names of its edges."""
     nowhere = (math.nan, math.nan)
     return Loop(tuple(Edge(nowhere, nowhere, name) for name in names))
 
 
 def _region(ctx: Context, node: Node, name: str) -> Region:
-    kind, inner = only_key(ctx, node, "region", "{circle: {center: [x, y], radius: r}}")
+    kind, inner = only_key(ctx, node, "region", CIRCLE_EXAMPLE)
     return Region(name, _loop(ctx, inner, kind, edge=name) if kind else Loop(()))
 
 
 def _file(ctx: Context, node: Node) -> BrepFace:
     fields = Fields(ctx, node, "file")
     path = fields.value("path")
-    target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
+    target = ctx.folder / path
+    suffix = "." + path.rpartition(".")[2].lower()
     if path and suffix not in FORMATS:
-        fields.fault(
-            "path",
-            f"{path!r} is not a geometry file",
-            f"give a file ending in {', '.join(FORMATS)}",
-        )
-    elif (
-        path and ctx.with_files and not os.path.isfile(target)
-    ):  # False of one whose name a system refuses, too
-        fields.fault(
-            "path",
-            f"there is no file {path!r}",
-            "give its path relative to the folder of the study",
-        )
+        fault = f"{path!r} is not a geometry file"
+        fields.fault("path", fault, f"give a file ending in {', '.join(FORMATS)}")
+    # os.path.isfile also refuses names that the system refuses
+    elif path and ctx.with_files and not os.path.isfile(target):
+        remedy = "give its path relative to the folder of the study"
+        fields.fault("path", f"there is no file {path!r}", remedy)
     scale = _scale(ctx, fields, target, suffix)
     remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
-    named = ctx.mapping(fields["edges"], "names to points", remedy, least=0, named=True)
-    points = replace(rows("file")["edges"], kind="points")
-    edges = dict[str, Any]()
-    for name, item in named.items():
-        single = isinstance(item.value, tuple) and not any(
-            isinstance(one.value, tuple) for one in item.value
-        )
-        if single and item.value:
-            ctx.at(item, "is one point, but must be a list of points", f"write [{item.brief()}]")
-        edges[name] = () if single and item.value else ctx.value(item, points)
-    return BrepFace(
-        target,
-        fields.value("face"),
-        scale,
-        tuple(edges.items()),
-        fields.value("other"),
-        written=_written_unit(ctx, named.values()),
-    )
+    items = ctx.mapping(fields["edges"], "names to points", remedy, least=0, named=True)
+    edges = tuple((name, _points_on_edge(ctx, item)) for name, item in items.items())
+    face, other_edges = fields.value("face"), fields.value("other")
+    written = _written_unit(ctx, items.values())
+    return BrepFace(target, face, scale, edges, other_edges, written=written)
+
+
+def _points_on_edge(ctx: Context, item: Node) -> tuple[Point, ...]:
+    """Return the points by which an edge of a file gets its name."""
+    coordinates = item.value if isinstance(item.value, tuple) else ()
+    if coordinates and not any(isinstance(part.value, tuple) for part in coordinates):
+        ctx.at(item, "is one point, but must be a list of points", f"write [{item.brief()}]")
+        return ()
+    points: tuple[Point, ...] = ctx.value(item, replace(rows("file")["edges"], kind="points"))
+    return points
 
 
 def _scale(ctx: Context, fields: Fields, path: Path, suffix: str) -> float:
@@ -237,10 +230,10 @@ def _scale(ctx: Context, fields: Fields, path: Path, suffix: str) -> float:
         return math.nan
     states_unit = ctx.with_files and suffix in STEP_FORMATS
     stated = stated_units(path) if states_unit else ()
-    if unit and not all(same_unit(metres, one) for one in stated):
-        names = " and ".join(unit_name(one) for one in stated)
-        what = f"is {unit}, but the header of {path.name} says {names}"
-        fields.fault("unit", what, "remove unit: the lengths are converted by the header")
+    if unit and not all(same_unit(metres, length) for length in stated):
+        names = " and ".join(map(unit_name, stated))
+        fault = f"is {unit}, but the header of {path.name} says {names}"
+        fields.fault("unit", fault, "remove unit: the lengths are converted by the header")
         return math.nan
     if ctx.units == "none" and not unit:
         return KERNEL_UNIT / stated[0] if len(stated) == 1 else 1.0
@@ -253,7 +246,7 @@ def _written_unit(ctx: Context, points: Iterable[Node]) -> tuple[str, float]:
     """Return the unit of the first coordinate of some points with a unit, and its length [m]."""
     if ctx.units == "none":
         return "", 1.0
-    for coordinate in (one for point in points for one in _leaves(point)):
+    for coordinate in chain.from_iterable(map(_leaves, points)):
         parts = split_quantity(coordinate.value) if isinstance(coordinate.value, str) else None
         if parts is None:
             continue
@@ -278,20 +271,18 @@ def _leaves(node: Node) -> Iterator[Node]:
 Array = NDArray[np.float64]
 
 MAX_TRIANGLES = 2e7
-"""More triangles than this are taken for a typing error of maxh or levels."""
+"""Number of triangles above which maxh or levels is taken for a typing error."""
 ARC_PIECES = 32
 
 
 def supports(boundary: Boundary) -> tuple[object, ...]:
-    """What of the boundary decides about rigid motions: which components are held on which
-    edges."""
-    held = ((edge, role.frame, *(u is None for u in role.held)) for edge, role in boundary)
-    return tuple(one for one in held if one[2:] != (True, True))
+    """Return the edges that hold a component, with the part of them that decides about motions."""
+    edges = ((edge, role.frame, *(u is None for u in role.held)) for edge, role in boundary)
+    return tuple(edge for edge in edges if edge[2:] != (True, True))
 
 
 class BoundaryPiece(NamedTuple):
-    """Some points (n, 2) of a boundary curve with its unit normals (n, 2) there, and the name of
-    the edge."""
+    """Points (n, 2) of an edge of the boundary with the unit normals (n, 2) there."""
 
     name: str
     points: Array
@@ -299,15 +290,16 @@ class BoundaryPiece(NamedTuple):
 
 
 def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
-    """What is wrong with the supports and what to do; None if they hold the body, or if it is from
-    a file."""
+    """Return the fault of the supports and its remedy; None if they hold the body.
+
+    It is None for a body from a file as well.
+    """
     if body.outline is None:
         return None
-    points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in body.edges]
-    pieces = [
-        BoundaryPiece(edge.name, at, edge_normal(edge, at))
-        for edge, at in zip(body.edges, points, strict=True)
-    ]
+    pieces = list[BoundaryPiece]()
+    for edge in body.edges:
+        points = edge_points(edge, 1 if edge.through is None else ARC_PIECES)
+        pieces.append(BoundaryPiece(edge.name, points, edge_normal(edge, points)))
     return support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
 
 
@@ -318,109 +310,119 @@ def support_fault(
     size: float,
     accuracy: float = 1e-9,
 ) -> tuple[str, str] | None:
-    """What is wrong and what to do if u given on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion;
-    else None.
+    """Return the fault and the remedy if u on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion.
 
-    centre: any point of the body;  size: its diagonal;  accuracy: of the normals, as far as they are known
+    centre:   any point of the body;  size: its diagonal
+    accuracy: of the normals
+    Returns None if the supports leave none.
     """
     roles = dict(boundary)
     if not any(isinstance(role, Clamped | Contact) for role in roles.values()):
         return None
-    rows = [
-        row for piece in pieces for row in _constraints(piece, roles.get(piece.name), centre, size)
-    ]
-    _, singular, motions = np.linalg.svd(np.array(rows).reshape(-1, 3), full_matrices=True)
+    constraints = list[list[float]]()
+    for piece in pieces:
+        constraints += _constraints(piece, roles.get(piece.name), centre, size)
+    _, singular, motions = np.linalg.svd(np.array(constraints).reshape(-1, 3), full_matrices=True)
     rank = int(np.sum(singular > accuracy * singular[0])) if len(singular) else 0
     if rank == 3:
         return None
-    clamped = any(isinstance(role, Clamped) for role in roles.values())
-    what = (
-        "the supports do not hold the body"
-        if clamped
-        else "no edge is clamped and contact does not hold the body"
-    )
+    fault = "no edge is clamped and contact does not hold the body"
+    if any(isinstance(role, Clamped) for role in roles.values()):
+        fault = "the supports do not hold the body"
     remedy = "give an edge the role clamped, or prescribe the missing component"
-    return f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy
+    return f"{fault}: it can still {_motion(motions[rank:], centre, size)}", remedy
 
 
 def _constraints(
     piece: BoundaryPiece, role: Role | None, centre: Point, size: float
 ) -> Iterator[list[float]]:
-    """Rows d·r(p) = 0 of a curve for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p −
-    centre)/size."""
+    """Yield the rows of d·r(p) = 0 of a piece, in the coefficients a, b, c of a rigid motion.
+
+    The motion is r = (a − cη, b + cξ) with (ξ, η) = (p − centre)/size.
+    """
     if role is None:
         return
-    if isinstance(role, Rigid) and role.moment is None:  # what is tied does not turn
+    if isinstance(role, Rigid) and role.moment is None:  # a rigid edge without a moment cannot turn
         for x, y in piece.points[1:] - piece.points[0]:
-            yield from (
-                [0.0, 0.0, s / size] for s, u in zip((-y, x), role.u, strict=True) if u is None
-            )
-    for (x, y), n in zip(piece.points, piece.normals, strict=True):
+            for shift, u in zip((-y, x), role.u, strict=True):
+                if u is None:
+                    yield [0.0, 0.0, shift / size]
+    for (x, y), normal in zip(piece.points, piece.normals, strict=True):
         xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
-        yield from (
-            [d_x, d_y, d_y * xi - d_x * eta]
-            for d_x, d_y, _ in _components(role.frame, role.held, n)
-        )
+        for d_x, d_y, _ in _components(role.frame, role.held, normal):
+            yield [d_x, d_y, d_y * xi - d_x * eta]
 
 
 def _components(
-    frame: str, given: tuple[Scalar | None, Scalar | None], n: Array
+    frame: str, u: tuple[Scalar | None, Scalar | None], normal: Array
 ) -> Iterator[tuple[float, float, Scalar]]:
-    """(d₁, d₂, value) of every component that is given, in x and y or along the normal n and the
-    tangent."""
-    n_x, n_y = map(float, n)
+    """Yield (d₁, d₂, value) of every component of u that is not None.
+
+    Directions are x and y, or the normal and the tangent.
+    """
+    n_x, n_y = map(float, normal)
     directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n_x, n_y), (-n_y, n_x))
-    return ((*d, value) for d, value in zip(directions, given, strict=True) if value is not None)
+    for direction, value in zip(directions, u, strict=True):
+        if value is not None:
+            yield *direction, value
 
 
 def _motion(motions: Array, centre: Point, size: float) -> str:
+    """Return rigid motions in words."""
     if len(motions) > 1:
         return f"move in {len(motions)} ways"
     a, b, c = motions[0]
     if abs(c) < 1e-6:
-        return f"slide along {'x' if abs(b) < 1e-6 else 'y' if abs(a) < 1e-6 else f'({a:.3g}, {b:.3g})'}"
-    at = (centre[0] - size * b / c, centre[1] + size * a / c)
-    x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in at)  # rounding is no coordinate
+        if abs(b) < 1e-6:
+            return "slide along x"
+        return "slide along y" if abs(a) < 1e-6 else f"slide along ({a:.3g}, {b:.3g})"
+    pole = (centre[0] - size * b / c, centre[1] + size * a / c)
+    x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in pole)  # rounding is no coordinate
     return f"turn about ({x:.3g}, {y:.3g})"
 
 
 def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:
-    """A bound must be proved; the point of u_T must lie on a contact edge (of a body from a file,
-    see its mesh)."""
-    if goal.proved and (why := next(filter(None, map(why_no_bound, scenes)), "")):
-        ctx.at(node, f"no bound is proved of this study: {why}")
+    """Record a bound that cannot be proved, and a point of u_T that is on no contact edge.
+
+    The point on a body from a file is checked on its mesh.
+    """
+    if goal.proved:
+        reason = next(filter(None, map(why_no_bound, scenes)), "")
+        if reason:
+            ctx.at(node, f"no bound is proved of this study: {reason}")
     if goal.at is None or body.outline is None:
         return
     contact = [name for name, role in scenes[0].boundary if isinstance(role, Contact)]
     edges = [edge for edge in body.edges if edge.name in contact]
-    away = (
-        min(float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges)
-        if edges
-        else math.inf
-    )
-    if away > 1e-6 * body_size(body):
+    distances = [float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges]
+    distance = min(distances, default=math.inf)
+    if distance > 1e-6 * body_size(body):
         x, y = goal.at
-        remedy = (
-            f"give a point on {' or '.join(contact)}"
-            if contact
-            else "give an edge the role contact"
-        )
-        what = f"the point ({x:g}, {y:g}) is not on a contact edge" + (
-            f", but {away:g} away" if edges else ""
-        )
-        ctx.at(node.at("u_T") or node, what, remedy)
+        fault = f"the point ({x:g}, {y:g}) is not on a contact edge"
+        remedy = "give an edge the role contact"
+        if edges:
+            fault = f"{fault}, but {distance:g} away"
+        if contact:
+            remedy = f"give a point on {' or '.join(contact)}"
+        ctx.at(node.at("u_T") or node, fault, remedy)
 
 
 def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
-    """Refuse element sizes that do not fit the body (one from a file is judged when the file is
-    read)."""
+    """Refuse element sizes that do not fit the body.
+
+    The sizes on a body from a file are checked when the file is read.
+    """
     if body.outline is None:
         return
-    for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body), ctx.units):
-        node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
-        ctx.errors.unfit(
-            node, "mesh.maxh" if ctx.errors.refused is not None else node.path, what, remedy
-        )
+    for i, fault, remedy in mesh_faults(plan, body_area(body), body_size(body), ctx.units):
+        _refuse_size(ctx, maxh, i, fault, remedy)
+
+
+def _refuse_size(ctx: Context, maxh: Node, number: int, fault: str, remedy: str) -> None:
+    """Record that the element size of this number does not fit the body."""
+    node = maxh.value[number] if isinstance(maxh.value, tuple) else maxh
+    key = "mesh.maxh" if ctx.errors.refused is not None else node.path
+    ctx.errors.unfit(node, key, fault, remedy)
 
 
 ONE_ELEMENT = 1.5
@@ -430,11 +432,11 @@ ONE_ELEMENT = 1.5
 def check_contact_nodes(
     ctx: Context, maxh: Node, plan: MeshPlan, body: Body, boundary: Boundary
 ) -> None:
-    """Record every size at which a contact edge is one element between two corners that are held,
-    so that it has no free node.
+    """Record every size at which a contact edge is one element between two held corners.
 
-    Only where the size of elements is `maxh` all along the edge: no other edge is shorter than it,
-    none is an arc, and there are no regions. Other bodies are judged on their mesh.
+    Such an edge has no free node. Only bodies are checked on which elements have the size `maxh`
+    all along the edge: no other edge is shorter than it, none is an arc, and there are no regions.
+    Other bodies are checked on their mesh.
     """
     curved = any(edge.through is not None for edge in body.edges)
     if body.outline is None or body.regions or curved or plan.refine:
@@ -447,7 +449,7 @@ def check_contact_nodes(
             length = edge_length(edge)
             if length >= ONE_ELEMENT * size or shortest < min(size, length) * (1.0 - 1e-6):
                 continue
-            what = (
+            fault = (
                 f"the contact edge {edge.name} of {length:g}{unit} would be one element between "
                 "corners that are held, without a free node"
             )
@@ -455,32 +457,30 @@ def check_contact_nodes(
                 f"choose a smaller maxh, for example {0.5 * length:.2g}{unit}, or draw short edges "
                 "that stand for a curve as arcs with through"
             )
-            node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
-            key = "mesh.maxh" if ctx.errors.refused is not None else node.path
-            ctx.errors.unfit(node, key, what, remedy)
+            _refuse_size(ctx, maxh, i, fault, remedy)
             break
 
 
 def _pinned_edges(body: Body, roles: Mapping[str, Role]) -> list[Edge]:
-    """Return the contact edges both of whose corners are held along them by the edges beside."""
-    ends: dict[int, int] = {}
+    """Return the contact edges whose corners are both held along them by the adjacent edges."""
+    held_ends: dict[int, int] = {}
     edges: dict[int, Edge] = {}
     for before, after in (pair for loop in body.loops for pair in loop.corners):
-        for edge, other in ((before, after), (after, before)):
+        for edge, adjacent in ((before, after), (after, before)):
             if not isinstance(roles.get(edge.name), Contact):
                 continue
             normal = edge_normal(edge, np.array([before.end]))[0]
-            if _holds_along(roles.get(other.name, Free()), other, before.end, normal):
-                ends[id(edge)] = ends.get(id(edge), 0) + 1
+            if _holds_along(roles.get(adjacent.name, Free()), adjacent, before.end, normal):
+                held_ends[id(edge)] = held_ends.get(id(edge), 0) + 1
                 edges[id(edge)] = edge
-    return [edge for key, edge in edges.items() if ends[key] == 2]
+    return [edge for key, edge in edges.items() if held_ends[key] == 2]
 
 
-def _holds_along(role: Role, edge: Edge, at: Point, normal: Array) -> bool:
-    """Return whether an edge holds its end against motion along a line with this normal."""
-    if isinstance(role, Rigid):  # which moves as a whole
+def _holds_along(role: Role, edge: Edge, corner: Point, normal: Array) -> bool:
+    """Return whether an edge holds its corner against motion along a line with this normal."""
+    if isinstance(role, Rigid):  # a rigid edge moves as a whole
         return False
-    directions = _components(role.frame, role.u, edge_normal(edge, np.array([at]))[0])
+    directions = _components(role.frame, role.u, edge_normal(edge, np.array([corner]))[0])
     along = (d_x * -normal[1] + d_y * normal[0] for d_x, d_y, _ in directions)
     return any(abs(part) > 1e-6 for part in along)
 
@@ -488,9 +488,9 @@ def _holds_along(role: Role, edge: Edge, at: Point, normal: Array) -> bool:
 def mesh_faults(
     plan: MeshPlan, area: float, size: float, units: str
 ) -> Iterator[tuple[int, str, str]]:
-    """(number of the size, what, remedy) of all that give no sensible number of triangles,
-    area/(√3/4 h²)·4^(levels−1).
+    """Yield (number of the size, fault, remedy) of element sizes that do not fit a body.
 
+    The number of triangles is estimated as area/(√3/4 h²)·4^(levels−1).
     area, size: of the body, [m²] and the diagonal [m];  units: of the study, "SI" or "none"
     """
     unit = " m" if units == "SI" else ""
@@ -500,117 +500,135 @@ def mesh_faults(
     doubling = not plan.listed and not plan.open_ended
     refinements = plan.levels - 1 if doubling else 0
     for i, h in enumerate(plan.maxh):
-        if h <= size < h * 2.0**plan.refine:
+        coarse = h * 2.0**plan.refine
+        if h <= size < coarse:
             remedy = f"give refine: {math.floor(math.log2(size / h))} or less"
-            yield (
-                i,
-                f"the coarse mesh, of {h * 2.0**plan.refine:g}{unit}, is larger than {body}",
-                remedy,
-            )
+            yield i, f"the coarse mesh, of {coarse:g}{unit}, is larger than {body}", remedy
         if h > size:
             remedy = f"choose maxh well below it, for example {size / 10:.2g}{unit}"
             yield i, f"an element of {h:g}{unit} is larger than {body}", remedy
-        triangles = min(
-            area / (math.sqrt(3.0) / 4.0) / h / h * 4.0**refinements, sys.float_info.max
-        )
+        triangles = area / (math.sqrt(3.0) / 4.0) / h / h * 4.0**refinements
+        triangles = min(triangles, sys.float_info.max)
         if triangles > MAX_TRIANGLES:
-            least = h * math.sqrt(triangles / MAX_TRIANGLES)
-            larger = f"choose maxh above {least:.2g}{unit}" + (
-                " or fewer levels" if refinements else ""
-            )
-            remedy = larger if least <= size else "give fewer levels"
-            yield (
-                i,
-                f"about 10^{math.log10(triangles):.1f} triangles are more than a study can use",
-                remedy,
-            )
+            min_h = h * math.sqrt(triangles / MAX_TRIANGLES)
+            fault = f"about 10^{math.log10(triangles):.1f} triangles are more than a study can use"
+            remedy = "give fewer levels"
+            if min_h <= size:
+                fewer = " or fewer levels" if refinements else ""
+                remedy = f"choose maxh above {min_h:.2g}{unit}{fewer}"
+            yield i, fault, remedy
 
 
 def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """Record every corner at which edges contradict each other, and every symmetry edge that is an
-    arc, where u_N = 0 mirrors nothing."""
-    for name, what, remedy in corner_faults(body, boundary):
-        ctx.at(node.nearest(name), what, remedy)
+    """Record every corner at which edges contradict each other, and every symmetry edge on an arc.
+
+    On an arc u_N = 0 mirrors nothing.
+    """
+    for name, fault, remedy in corner_faults(body, boundary):
+        ctx.at(node.nearest(name), fault, remedy)
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
-    for name in dict.fromkeys(
-        edge.name for edge in body.edges if edge.through is not None and edge.name in mirrors
-    ):
-        remedy = "use {role: clamped, u_N: 0} for a guide"
-        ctx.at(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
+    arcs = [edge.name for edge in body.edges if edge.through is not None]
+    for name in dict.fromkeys(arcs):
+        if name in mirrors:
+            remedy = "use {role: clamped, u_N: 0} for a guide"
+            ctx.at(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
-    """(edge, what, remedy) of every corner of a polygon body at which d·u = value have no common
-    solution u, or two
-    edges hold different temperatures, where heat without end would flow.
-    Near-parallel directions (a smooth junction) count as parallel."""
+    """Yield (edge, fault, remedy) of every corner of a body at which two edges contradict.
+
+    Their temperatures may differ, where heat without end would flow, or their displacements:
+    d·u = value have no common solution u. Near-parallel directions (a smooth junction) count as
+    parallel. A body from a file has no corners here.
+    """
     roles = dict(boundary)
-    for edge, following in (
-        (pair for loop in body.loops for pair in loop.corners) if body.outline else ()
-    ):
-        (x, y), own, rows = edge.end, [roles.get(one.name, Free()) for one in (edge, following)], []
-        for one, role in zip((edge, following), own, strict=True):
-            directions = _components(role.frame, role.u, edge_normal(one, np.array([edge.end]))[0])
-            rows += [(d_1, d_2, float(value_of(value, x, y))) for d_1, d_2, value in directions]
-        theta = [
-            float(value_of(r.heat.theta, x, y)) for r in own if r.heat and r.heat.theta is not None
-        ]
-        if len(theta) == 2 and abs(theta[0] - theta[1]) > 1e-9 * max(map(abs, theta)):
-            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
-            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
-            yield following.name, what, remedy
-        if len(rows) < 2 or not np.all(
-            np.isfinite(rows)
-        ):  # an expression without a value is refused elsewhere
-            continue
-        d, values = np.array(rows)[:, :2], np.array(rows)[:, 2]
-        u = np.linalg.lstsq(d, values, rcond=1e-6)[0]
-        if np.max(np.abs(d @ u - values)) > 1e-9 * np.max(np.abs(values)):
-            clamped = following if isinstance(own[1], Clamped) else edge
-            what = f"{edge.name} and {following.name} prescribe different displacements at their common corner"
-            yield (
-                clamped.name,
-                f"{what} ({x:g}, {y:g})",
-                "make them agree there, or free a component",
-            )
+    if body.outline is None:
+        return
+    for edges in (pair for loop in body.loops for pair in loop.corners):
+        corner_roles = (roles.get(edges[0].name, Free()), roles.get(edges[1].name, Free()))
+        if fault := _temperature_fault(edges, corner_roles):
+            yield fault
+        if fault := _displacement_fault(edges, corner_roles):
+            yield fault
+
+
+def _temperature_fault(
+    edges: tuple[Edge, Edge], roles: tuple[Role, Role]
+) -> tuple[str, str, str] | None:
+    """Return (edge, fault, remedy) if the edges hold different temperatures at their corner."""
+    x, y = edges[0].end
+    temperatures = list[float]()
+    for role in roles:
+        if role.heat and role.heat.theta is not None:
+            temperatures.append(float(value_of(role.heat.theta, x, y)))
+    if len(temperatures) < 2:
+        return None
+    difference = abs(temperatures[0] - temperatures[1])
+    if not difference > 1e-9 * max(map(abs, temperatures)):
+        return None
+    names = f"{edges[0].name} and {edges[1].name}"
+    fault = f"{names} hold different temperatures at their corner ({x:g}, {y:g})"
+    convection = "{alpha: ..., theta_bar: ...}"
+    remedy = f"make them agree there, or let one of them exchange heat: {convection}"
+    return edges[1].name, fault, remedy
+
+
+def _displacement_fault(
+    edges: tuple[Edge, Edge], roles: tuple[Role, Role]
+) -> tuple[str, str, str] | None:
+    """Return (edge, fault, remedy) if the edges prescribe different displacements of a corner."""
+    corner = edges[0].end
+    rows = list[tuple[float, float, float]]()
+    for edge, role in zip(edges, roles, strict=True):
+        normal = edge_normal(edge, np.array([corner]))[0]
+        for d_1, d_2, value in _components(role.frame, role.u, normal):
+            rows.append((d_1, d_2, float(value_of(value, *corner))))
+    # an expression without a value is refused elsewhere
+    if len(rows) < 2 or not np.all(np.isfinite(rows)):
+        return None
+    d, values = np.array(rows)[:, :2], np.array(rows)[:, 2]
+    u = np.linalg.lstsq(d, values, rcond=1e-6)[0]
+    if not np.max(np.abs(d @ u - values)) > 1e-9 * np.max(np.abs(values)):
+        return None
+    clamped = edges[1] if isinstance(roles[1], Clamped) else edges[0]
+    names = f"{edges[0].name} and {edges[1].name}"
+    place = f"their common corner ({corner[0]:g}, {corner[1]:g})"
+    fault = f"{names} prescribe different displacements at {place}"
+    return clamped.name, fault, "make them agree there, or free a component"
 
 
 EDGE_POINTS = 64
 
 
 def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body) -> None:
-    """Record every expression of a section with a value that is not finite at a sample point of its
-    edges or the body.
+    """Record every expression of a section that is not finite at a sample point.
 
-    Samples cannot see every singularity between them; a load that is not finite after all is a
-    failed point.
+    Sample points are on the edge of a role, or on all edges and in the body. A singularity between
+    them is not seen. A load that is not finite after all fails its point.
     """
     if body.outline is None:
         return
-    parts = (
-        value
-        if section == "boundary"
-        else [("f", value)]
-        if section == "loads"
-        else vars(value).items()
-    )
+    parts: Iterable[tuple[str, Any]] = vars(value).items() if is_dataclass(value) else value
+    if section == "loads":
+        parts = [("f", value)]
     for key, part in parts:
-        for expression in _in(part):
-            edges = [key] if section == "boundary" else [edge.name for edge in body.edges]
-            points = [_on_edges(body, name) for name in edges] + (
-                [] if section == "boundary" else [inside(body)]
-            )
-            fault = _value_fault(expression, np.concatenate(points))
+        for expression in _expressions(part):
+            if section == "boundary":
+                points = _on_edges(body, key)
+            else:
+                on_edges = [_on_edges(body, edge.name) for edge in body.edges]
+                points = np.concatenate([*on_edges, inside(body)])
+            fault = _value_fault(expression, points)
             if fault is not None:
                 ctx.at(root.nearest(section, key), *fault)
 
 
 def _value_fault(expression: Expression, points: Array) -> tuple[str, str] | None:
-    """Return what is wrong with the values of an expression at some points, and the remedy."""
+    """Return the fault of the values of an expression at some points, and the remedy."""
     name = f"the expression {str(expression)!r}"
-    if at := _first(expression, points, -math.inf):
+    if place := _first_below(expression, points, -math.inf):
         remedy = "change it so that it is finite wherever it is used"
-        return f"{name} has no finite value at {at}", remedy
+        return f"{name} has no finite value at {place}", remedy
     values = expression.evaluate(*points.T)
     largest = float(np.max(np.abs(values), initial=0.0))
     if largest <= body_faults.LARGEST:
@@ -619,10 +637,9 @@ def _value_fault(expression: Expression, points: Array) -> tuple[str, str] | Non
     return f"{name} reaches {largest:.3g}, which is too large to compute with", remedy
 
 
-def _first(of: Scalar, points: Array, least: float) -> str:
-    """The first of some points, in words, at which a number or an expression is less than `least`
-    or not finite."""
-    values = value_of(of, *points.T)
+def _first_below(scalar: Scalar, points: Array, least: float) -> str:
+    """Return the first point, in words, at which a scalar is below `least` or not finite."""
+    values = value_of(scalar, *points.T)
     bad = points[~(np.isfinite(values) & (values >= least))]
     return f"({bad[0, 0]:g}, {bad[0, 1]:g})" if len(bad) else ""
 
@@ -630,37 +647,43 @@ def _first(of: Scalar, points: Array, least: float) -> str:
 def check_laws(
     ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body
 ) -> None:
-    """Every contact edge has a law and every law a contact edge; strengths are 0 or more at sample
-    points of the edges.
+    """Record contact edges without a law, laws of other edges, and negative strengths.
 
-    A strength that is negative between them is a failed point.
+    Strengths are checked at sample points of the edges. A strength that is negative between them
+    fails its point.
     """
     contact = [name for name, role in boundary if isinstance(role, Contact)]
-    given = [edge for edge, _, _ in friction.laws if edge]
-    wrong = [edge for edge in given if edge not in contact]
-    for edge in wrong:
+    edges_with_law = [edge for edge, _, _ in friction.laws if edge]
+    misplaced = [edge for edge in edges_with_law if edge not in contact]
+    for edge in misplaced:
         remedy = f"the contact edges are {', '.join(contact)}"
         ctx.at(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
-    if given and not wrong and (without := [edge for edge in contact if edge not in given]):
-        remedy = f"add {without[0]}: {{law: ...}}; without friction {{law: linear, k: 0}}"
-        ctx.at(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
-    for edge, _, strength in friction.laws if body.outline is not None else ():
-        for name in [edge] if edge in contact else contact if not edge else []:
-            if at := _first(strength, _on_edges(body, name), 0.0):
-                what, remedy = (
-                    f"the strength is negative or not finite at {at}",
-                    'bound it, for example "max(0, ...)"',
-                )
-                ctx.at(root.nearest("friction", *filter(None, (edge, "strength"))), what, remedy)
+    without_law = [edge for edge in contact if edge not in edges_with_law]
+    if edges_with_law and without_law and not misplaced:
+        edge = without_law[0]
+        remedy = f"add {edge}: {{law: ...}}; without friction {{law: linear, k: 0}}"
+        ctx.at(root.nearest("friction"), f"the contact edge {edge} has no law", remedy)
+    if body.outline is None:
+        return
+    for edge, _, strength in friction.laws:
+        path = ("friction", edge, "strength") if edge else ("friction", "strength")
+        for name in contact:
+            if edge not in ("", name):
+                continue
+            if place := _first_below(strength, _on_edges(body, name), 0.0):
+                fault = f"the strength is negative or not finite at {place}"
+                ctx.at(root.nearest(*path), fault, 'bound it, for example "max(0, ...)"')
 
 
-def _in(value: Any) -> Iterator[Expression]:
+def _expressions(value: Any) -> Iterator[Expression]:
+    """Yield the expressions in a value, in tuples and records within each other."""
     if isinstance(value, Expression):
         yield value
     elif isinstance(value, tuple) or is_dataclass(value):
         for item in value if isinstance(value, tuple) else vars(value).values():
-            yield from _in(item)
+            yield from _expressions(item)
 
 
 def _on_edges(body: Body, name: str) -> Array:
+    """Return sample points on the edges of a name."""
     return np.concatenate([edge_points(e, EDGE_POINTS) for e in body.edges if e.name == name])

@@ -173,14 +173,14 @@ class KnownFaults:
         """Leave further faults of this place out, since it has no value."""
         self._unreadable.add(mark)
 
-    def is_left_out(self, mark: Mark, key: str, what: str, is_repeated: bool) -> bool:
+    def is_left_out(self, mark: Mark, key: str, fault: str, is_repeated: bool) -> bool:
         """Return whether a fault needs no report; remember it for the next call.
 
         is_repeated: whether the place is read again, for another sweep point. A fault of another
                      value of the same key is then known as well.
         """
         last_word = key.rpartition(".")[2].partition("[")[0]
-        identities: set[object] = {(mark, key), (last_word, what)}
+        identities: set[object] = {(mark, key), (last_word, fault)}
         if mark in self._unreadable or (is_repeated and not identities.isdisjoint(self._known)):
             return True
         self._known |= identities
@@ -254,16 +254,16 @@ class Collector:
     def at_mark(self, mark: Mark, key: str, *sentences: str) -> None:
         """Record a fault at a place in the file, of a key."""
         self._count += 1
-        what, remedy = halves(sentences)
-        if self._known.is_left_out(mark, key, what, is_repeated=bool(self.point)):
+        fault, remedy = halves(sentences)
+        if self._known.is_left_out(mark, key, fault, is_repeated=bool(self.point)):
             return
         if self.point and (self.drawn or not key.startswith("sweep")):
             words = self.point if self.drawn else f"with {self.point}"
-            what = f"{what} ({words})"
+            fault = f"{fault} ({words})"
         if self.point and self.drawn and remedy.startswith("write"):
             # a distribution stands where the remedy means a value
             remedy = "give a distribution of values that are possible"
-        problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
+        problem = Problem(mark.file, mark.line, mark.column, key, fault, remedy)
         if self._known.is_reported(problem):
             self.problems.append(problem)
 
@@ -403,35 +403,35 @@ NUMBERS = {"!!null", "!!bool", "!!int", "!!float"}
 def load_text(path: Path) -> str:
     """Return the text of a study file; raise StudyError if it cannot be read."""
     line, column = 0, 0
-    what = "there is no such file"
+    fault = "there is no such file"
     remedy = "check the path; see configs/ for examples"
     try:
         if path.is_file() and path.stat().st_size <= MAX_BYTES:
             return path.read_bytes().decode("utf-8")
         if path.is_file():
-            what = f"the file has more than {MAX_BYTES // 10**6} MB"
+            fault = f"the file has more than {MAX_BYTES // 10**6} MB"
             remedy = "check the name; a sweep of many points can be several studies"
         elif path.is_dir():
-            what = "this is a folder"
+            fault = "this is a folder"
             remedy = "name the study file in it"
         elif path.exists():
-            what = "this is a device or a pipe, no file"
+            fault = "this is a device or a pipe, no file"
             remedy = "save the text in a file and name it"
     except UnicodeDecodeError as error:
         if path.suffix == ".nc":
-            what = "this is a result file"
+            fault = "this is a result file"
             remedy = "name its study, or use tcstudy show"
         else:
-            what = "the file is not UTF-8 text"
+            fault = "the file is not UTF-8 text"
             remedy = "save it as UTF-8"
             before = error.object[: error.start]
             line = before.count(b"\n") + 1
             column = len(before) - before.rfind(b"\n")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        what = f"the file cannot be read ({reason})"
+        fault = f"the file cannot be read ({reason})"
         remedy = "check its path and its permissions"
-    raise _refusal(str(path), what, remedy, line, column)
+    raise _refusal(str(path), fault, remedy, line, column)
 
 
 def compose(
@@ -445,8 +445,10 @@ def compose(
     """
     n_values = _values_at_least(text)
     if n_values > MAX_NODES:
-        what = f"the text has about {n_values} values, of which at most {MAX_NODES} are read"
-        raise _refusal(file, what, "write long sweeps as {linspace: [a, b, n]}, or several studies")
+        fault = f"the text has about {n_values} values, of which at most {MAX_NODES} are read"
+        raise _refusal(
+            file, fault, "write long sweeps as {linspace: [a, b, n]}, or several studies"
+        )
     json_node = _json_node(text, file, path) if option else None
     if json_node is not None:
         return json_node
@@ -460,8 +462,8 @@ def compose(
             raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
         return _Builder(library, file, errors, option).node(root, path, None)
     except RecursionError:
-        what = "the YAML is nested too deeply"
-        raise _refusal(file, what, "a study needs fewer than ten levels") from None
+        fault = "the YAML is nested too deeply"
+        raise _refusal(file, fault, "a study needs fewer than ten levels") from None
     except YAMLError as error:
         raise _syntax_error(error, text, file, option) from None
     except MALFORMED as error:
@@ -472,11 +474,11 @@ def _malformed(error: Exception, text: str, file: str, option: bool) -> StudyErr
     """Return the fault of a text in which the YAML library fails in its own code."""
     escape = next(filter(_is_beyond, ESCAPE.finditer(text)), None)
     if escape is None:
-        what = f"the YAML cannot be read ({error})"
-        return _refusal(file, what, "look for odd directives, tags or escapes")
+        fault = f"the YAML cannot be read ({error})"
+        return _refusal(file, fault, "look for odd directives, tags or escapes")
     line, column = (0, 0) if option else _line_and_column(text, escape.start())
-    what = f"the escape {escape[0]} is no character"
-    return _refusal(file, what, "write the character itself", line, column)
+    fault = f"the escape {escape[0]} is no character"
+    return _refusal(file, fault, "write the character itself", line, column)
 
 
 def _is_beyond(escape: re.Match[str]) -> bool:
@@ -531,33 +533,34 @@ def joined_surrogates(text: str) -> str:
 
 
 def _refusal(
-    file: str, what: str, remedy: str, line: int = 0, column: int = 0, key: str = ""
+    file: str, fault: str, remedy: str, line: int = 0, column: int = 0, key: str = ""
 ) -> StudyError:
-    return StudyError([Problem(file, line, column, key, what, remedy)])
+    return StudyError([Problem(file, line, column, key, fault, remedy)])
 
 
 def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> StudyError:
-    line, column, what = 1, 1, "this is not valid YAML"
+    line, column, fault = 1, 1, "this is not valid YAML"
     position = getattr(error, "position", None)
     if isinstance(error, MarkedYAMLError):
         mark = error.problem_mark or error.context_mark
         if mark:
             line, column = mark.line + 1, mark.column + 1
-        what = ", ".join(str(part) for part in (error.context, error.problem) if part)
+        fault = ", ".join(str(part) for part in (error.context, error.problem) if part)
         start = error.context_mark
         if start is not None and start.line + 1 != line:
-            what += f" (begun in line {start.line + 1})"
+            fault += f" (begun in line {start.line + 1})"
     elif isinstance(position, int):
         line, column = _line_and_column(text, position)
-        what = f"the character {text[position : position + 1]!r} is not allowed in YAML"
-    remedy = "correct the YAML here or in the lines above: quotes, brackets, a colon, indentation by blanks"
-    if what.endswith("but got '['"):
+        fault = f"the character {text[position : position + 1]!r} is not allowed in YAML"
+    causes = "quotes, brackets, a colon, indentation by blanks"
+    remedy = f"correct the YAML here or in the lines above: {causes}"
+    if fault.endswith("but got '['"):
         path = re.search(r"[\w.]*\w\[\d+\][\w.\[\]]*", text.splitlines()[line - 1])
         if path:
             remedy = f'between braces a key with brackets needs quotes: "{path[0]}"'
     if option:
         line, column = 0, 0
-    return _refusal(file, f"YAML syntax: {what}", remedy, line, column)
+    return _refusal(file, f"YAML syntax: {fault}", remedy, line, column)
 
 
 class _Builder:
@@ -580,15 +583,15 @@ class _Builder:
         if key and isinstance(node, ScalarNode) and node.value == "" and node.style is None:
             mark = key  # the library puts an empty value where the next key begins
         self.count += 1
-        what = ""
+        fault = ""
         if any(node is outer for outer in self.open):
-            what = "an alias contains itself"
+            fault = "an alias contains itself"
             remedy = "write the value out"
         elif self.count > MAX_NODES or len(self.open) > MAX_DEPTH:
-            what = "the study is too large or nested too deeply"
+            fault = "the study is too large or nested too deeply"
             remedy = "write long sweeps as {linspace: [a, b, n]}"
-        if what:
-            raise _refusal(self.file, what, remedy, mark.line, mark.column, path)
+        if fault:
+            raise _refusal(self.file, fault, remedy, mark.line, mark.column, path)
         self.open.append(node)
         value = self.value(node, mark, path)
         self.open.pop()
@@ -605,22 +608,22 @@ class _Builder:
         if isinstance(node, MappingNode) and tag == "!!map":
             return self.mapping(node, path)
         if not isinstance(node, ScalarNode) or tag not in TEXTS | NUMBERS:
-            what = f"the YAML tag {tag} is not supported"
-            self.errors.unreadable(mark, path, what, "remove the tag")
+            fault = f"the YAML tag {tag} is not supported"
+            self.errors.unreadable(mark, path, fault, "remove the tag")
             return None
         if tag in TEXTS:
             return self.text(str(node.value), mark, path)
         if len(node.value) > LONGEST:
-            what = (
+            fault = (
                 f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
             )
-            self.errors.unreadable(mark, path, what, "round it, or write it with an exponent")
+            self.errors.unreadable(mark, path, fault, "round it, or write it with an exponent")
             return None
         try:
             number: Scalar = self.library.constructor.construct_object(node)
         except (ValueError, KeyError):
-            what = f"{node.value[:40]!r} is not a number"
-            self.errors.unreadable(mark, path, what, "write a decimal number")
+            fault = f"{node.value[:40]!r} is not a number"
+            self.errors.unreadable(mark, path, fault, "write a decimal number")
             return None
         return number
 
@@ -629,8 +632,8 @@ class _Builder:
         try:
             return joined_surrogates(text)
         except UnicodeError:
-            what = "an escape such as \\ud83d is half a character"
-            self.errors.unreadable(mark, path, what, "write the character itself, or both halves")
+            fault = "an escape such as \\ud83d is half a character"
+            self.errors.unreadable(mark, path, fault, "write the character itself, or both halves")
             return ""
 
     def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:
@@ -675,8 +678,8 @@ def apply_overrides(
         replaced = [text for earlier_keys, text in earlier if earlier_keys[: len(keys)] == keys]
         earlier.append((keys, option))
         if replaced:
-            what = f"--set {replaced[-1]} would not be used, as this option replaces it"
-            errors.at_mark(mark, key, what, "give every key once, a section before its keys")
+            fault = f"--set {replaced[-1]} would not be used, as this option replaces it"
+            errors.at_mark(mark, key, fault, "give every key once, a section before its keys")
             continue
         try:
             before = len(errors)
@@ -805,6 +808,6 @@ def located(study: Study, faults: Sequence[LocatedFault]) -> list[Problem]:
         return []
     errors = Collector()
     root = tree_of(study, errors)
-    for keys, what, remedy in faults:
-        errors.at(root.nearest(*keys), what, remedy)
+    for keys, fault, remedy in faults:
+        errors.at(root.nearest(*keys), fault, remedy)
     return sorted(errors.problems, key=lambda problem: (problem.line, problem.column))

@@ -106,7 +106,7 @@ def none_after_fault(
 
 
 MAX_NAME = 100
-"""Characters of a name that the user gives: names in files, which are made of it, have at most 256."""
+"""Characters of a name that the user gives; names in files are made of it and have at most 256."""
 MAX_NAMES_SHOWN = 50
 """Names of a study that a message may show or suggest."""
 MAX_INTEGER = 2**31 - 1
@@ -116,8 +116,7 @@ LISTS = {
     "law points": ("law point", "a list of pairs [s, b]", 1),
     "numbers": ("quantity", "a list of numbers", 1),
 }
-"""Kinds that are lists: kind of the entries, the list in words, and its least length, unless the row
-has one."""
+"""Kinds that are lists: kind of the entries, the list in words, and its least length by default."""
 LISTS_OR_ONE = {
     "one or more": ("choice", "a list of words", 1),
     "words": ("text", "a list of names", 1),
@@ -214,8 +213,8 @@ class Context:
                 raise UnitError(f"{node.brief()} is not a finite number", "write a finite number")
             if value and not SMALLEST <= abs(value) <= LARGEST:
                 size = "large" if abs(value) > 1.0 else "small"
-                what = f"{node.brief()} is too {size} to compute with"
-                raise UnitError(what, "check the number and its unit")
+                fault = f"{node.brief()} is too {size} to compute with"
+                raise UnitError(fault, "check the number and its unit")
             return float(value)
         except UnitError as error:
             self.at(node, *error.args)
@@ -228,8 +227,8 @@ class Context:
         Raises UnitError.
         """
         if len(text) > LONGEST:
-            what = f"is a text of {len(text)} characters, of which at most {LONGEST} are read"
-            raise UnitError(what, "round it, or shorten the expression")
+            fault = f"is a text of {len(text)} characters, of which at most {LONGEST} are read"
+            raise UnitError(fault, "round it, or shorten the expression")
         quantity = split_quantity(text)
         if quantity is not None and self.units == "SI":
             marked = marked_number(text) if quantity[1][:1].isdigit() else None
@@ -237,25 +236,25 @@ class Context:
                 raise UnitError(*marked)
             return to_si(*quantity, dimension)
         if quantity is not None:
-            what = f"{node.brief()!r} has a unit, but the study says units: none"
-            raise UnitError(what, "write the plain number, or drop `units: none`")
+            fault = f"{node.brief()!r} has a unit, but the study says units: none"
+            raise UnitError(fault, "write the plain number, or drop `units: none`")
         marked = marked_number(text)
         if marked:
             raise UnitError(*marked)
         plain = text.translate(PLAIN_SIGNS)
         if plain != text and self._is_sound(node, plain, dimension):
             sign = next(character for character in text if character not in plain)
-            what = f"{node.brief()!r} has the sign {sign} (U+{ord(sign):04X})"
-            raise UnitError(what, f"write {plain.strip()}")
+            fault = f"{node.brief()!r} has the sign {sign} (U+{ord(sign):04X})"
+            raise UnitError(fault, f"write {plain.strip()}")
         try:
             dimension_of_text = dimension if self.units == "SI" else None
             expression = expression_of(text, self.named_in(text), dimension_of_text)
         except expressions.ExpressionError as error:
-            what, _, specific = self._expression_fault(text, str(error)).partition("; ")
+            fault, _, specific = self._expression_fault(text, str(error)).partition("; ")
             if " or an expression" not in remedy and not self.named:
                 # without names it was not meant as an expression
-                what, specific = f"{node.brief()!r} is not {dimension.name}", ""
-            raise UnitError(what, specific or remedy) from None
+                fault, specific = f"{node.brief()!r} is not {dimension.name}", ""
+            raise UnitError(fault, specific or remedy) from None
         return expression if expression.constant is None else expression.constant
 
     def _is_sound(self, node: Node, text: str, dimension: Dimension) -> bool:
@@ -268,9 +267,9 @@ class Context:
 
     def _expression_fault(self, text: str, otherwise: str) -> str:
         """Return what is wrong with an expression, with the study's names among what is allowed."""
-        shown = islice(self.named, MAX_NAMES_SHOWN)
+        suggested = islice(self.named, MAX_NAMES_SHOWN)
         try:
-            parse(text, tuple(dict.fromkeys((*self.named_in(text), *shown))))
+            parse(text, tuple(dict.fromkeys((*self.named_in(text), *suggested))))
         except expressions.ExpressionError as error:
             return str(error)
         return otherwise
@@ -308,8 +307,8 @@ class Context:
             return ()
         if isinstance(node.value, tuple) and len(node.value) >= least:
             return node.value
-        what = f"must be {content}, but is {node.kind()}"
-        self.at(node, what, f"write {content}: [{example}, ...]")
+        fault = f"must be {content}, but is {node.kind()}"
+        self.at(node, fault, f"write {content}: [{example}, ...]")
         return ()
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
@@ -336,8 +335,8 @@ class Context:
         names = node.children if named else {}
         for name, item in names.items():
             if not is_name(name):
-                what = f"{shortened(name)!r} is not a name"
-                self.at(item, what, f"use at most {MAX_NAME} letters, digits and _", on_key=True)
+                fault = f"{shortened(name)!r} is not a name"
+                self.at(item, fault, f"use at most {MAX_NAME} letters, digits and _", on_key=True)
         return dict(node.children)
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
@@ -348,26 +347,26 @@ class Context:
         if isinstance(value, str):
             marked = marked_number(value)
             if marked:
-                what, remedy = marked
-                self.at(node, what, remedy.partition(" or ")[0])
+                fault, remedy = marked
+                self.at(node, fault, remedy.partition(" or ")[0])
                 return least
         is_whole = isinstance(value, int) and not isinstance(value, bool)
         if isinstance(value, int) and is_whole and least <= value <= (most or MAX_INTEGER):
             return value
         limits = f"from {least} to {most}" if most else f"{least} or more"
         if is_whole:
-            what = f"must be {limits}, but is {node.brief()}"
+            fault = f"must be {limits}, but is {node.brief()}"
         else:
-            what = f"must be a whole number, but is {node.kind()}"
-        self.at(node, what, f"write for example {least}")
+            fault = f"must be a whole number, but is {node.kind()}"
+        self.at(node, fault, f"write for example {least}")
         return least
 
     def text(self, node: Node, content: str = "a text") -> str:
         """Return a text that is not empty; empty after a fault."""
         if isinstance(node.value, str) and node.value.strip():
             return node.value
-        what = f"must be {content}, but is {node.kind()}"
-        self.at(node, what, "write a text, in quotes if it looks like a number")
+        fault = f"must be {content}, but is {node.kind()}"
+        self.at(node, fault, "write a text, in quotes if it looks like a number")
         return ""
 
     def choice(self, node: Node, words: tuple[T, ...]) -> T:
@@ -375,8 +374,8 @@ class Context:
         for word in words:
             if node.value == word:
                 return word
-        what = f"must be one of {', '.join(words)}, but is {node.kind()}"
-        self.at(node, what, hint(str(node.value), words, f"write for example {words[0]}"))
+        fault = f"must be one of {', '.join(words)}, but is {node.kind()}"
+        self.at(node, fault, hint(str(node.value), words, f"write for example {words[0]}"))
         return words[0]
 
     def value(self, node: Node, row: Key, dimension: Dimension | None = None) -> Any:
@@ -413,14 +412,14 @@ class Context:
                 return self.choice(node, row.words)
             case "flag":
                 if not isinstance(node.value, bool):
-                    what = f"must be true or false, but is {node.kind()}"
-                    self.at(node, what, "write true or false, without quotes")
+                    fault = f"must be true or false, but is {node.kind()}"
+                    self.at(node, fault, "write true or false, without quotes")
                 return node.value is True
             case "name":
                 if isinstance(node.value, str) and is_name(node.value):
                     return node.value
-                what = f"must be an edge name of letters, digits and _, but is {node.kind()}"
-                self.at(node, what, f"use at most {MAX_NAME} letters, digits and _")
+                fault = f"must be an edge name of letters, digits and _, but is {node.kind()}"
+                self.at(node, fault, f"use at most {MAX_NAME} letters, digits and _")
                 return ""
             case "text":
                 return self.text(node, f"a {row.name}" if row.name == "path" else "a text")
@@ -444,8 +443,8 @@ class Context:
         if not violated:
             return value
         example = self.example(row.example or dimension.example)
-        what = f"must {violated}, but is {node.brief()}"
-        self.at(node, what, f"write for example {example}")
+        fault = f"must {violated}, but is {node.brief()}"
+        self.at(node, fault, f"write for example {example}")
         return math.nan
 
 
@@ -475,37 +474,37 @@ class Fields:
             self.required = list(required)
         if optional is None:
             optional = [key for key in self.rows if key not in self.required]
-        known = [*self.required, *optional]
+        known_keys = [*self.required, *optional]
         short = short_of(name)
         if short and not isinstance(node.value, Mapping):
             node = replace(node, value={short: node})
         self.values: Mapping[str, Node] = node.children
         if isinstance(node.value, Mapping):
-            self._check_keys(known)
+            self._check_keys(known_keys)
             return
         top = rows("").get(name)
         if top and top.example:
             example = top.example
         else:
-            keys = self.required or known[:1]
+            keys = self.required or known_keys[:1]
             pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in keys)
             example = f"{{{pairs}}}"
-        what = f"must be a mapping, but is {node.kind()}"
-        mapping = f"a mapping with the keys {', '.join(known)}"
-        ctx.at(node, what, f"write {mapping}, for example {ctx.example(example)}")
+        fault = f"must be a mapping, but is {node.kind()}"
+        mapping = f"a mapping with the keys {', '.join(known_keys)}"
+        ctx.at(node, fault, f"write {mapping}, for example {ctx.example(example)}")
 
-    def _check_keys(self, known: Sequence[str]) -> None:
+    def _check_keys(self, known_keys: Sequence[str]) -> None:
         """Record unknown and missing keys; a misspelt key is one fault, not two."""
-        free = [key for key in known if key not in self.values]
-        unknown = [key for key in self.values if key not in known]
-        meant = {key: nearest(key, free) or nearest(key, known) for key in unknown}
+        free = [key for key in known_keys if key not in self.values]
+        unknown = [key for key in self.values if key not in known_keys]
+        meant = {key: nearest(key, free) or nearest(key, known_keys) for key in unknown}
         for key, similar in meant.items():
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
             elif similar:
                 remedy = f"did you mean {similar!r}?"
             else:
-                keys = f"use one of the keys {', '.join(free or known)}"
+                keys = f"use one of the keys {', '.join(free or known_keys)}"
                 remedy = elsewhere(key, self.node.path) or keys
             self.ctx.at(self.values[key], "unknown key", remedy, on_key=True)
         for key in self.required:
@@ -548,8 +547,8 @@ def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str,
     before = len(ctx.errors)
     values = Fields(ctx, node, section).values
     if len(values) != 1 and len(ctx.errors) == before:
-        what = f"needs one of {', '.join(rows(section))}, not {len(values)}"
-        ctx.at(node, what, f"write {example}")
+        fault = f"needs one of {', '.join(rows(section))}, not {len(values)}"
+        ctx.at(node, fault, f"write {example}")
     return next(iter(values.items())) if len(ctx.errors) == before else ("", node)
 
 
@@ -572,29 +571,29 @@ MAX_CIRCLES = 10
 
 
 def read_parameters(
-    ctx: Context, node: Node | None, kept: Mapping[str, Named] | None = None
+    ctx: Context, node: Node | None, read_before: Mapping[str, Named] | None = None
 ) -> dict[str, Named]:
     """Return the value and the dimension of every name, and add those with a fault to `ctx.unread`.
 
-    kept: names that need not be read again, with their values
+    read_before: names that need not be read again, with their values
     """
-    known = kept or {}
+    values = read_before or {}
     numbers = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
-    given = {name: item for name, item in numbers.items() if name not in known}
-    ctx.unread.difference_update(given)
-    misnamed = {name: fault for name in given if (fault := _name_fault(name))}
+    new_items = {name: item for name, item in numbers.items() if name not in values}
+    ctx.unread.difference_update(new_items)
+    misnamed = {name: fault for name in new_items if (fault := _name_fault(name))}
     for name, fault in misnamed.items():
         remedy = f"use another name, of at most {MAX_NAME} letters, digits and _"
-        ctx.at(given[name], fault, remedy, on_key=True)
-    inner = replace(ctx, named={**known})
-    for name in _reading_order(ctx, given):
+        ctx.at(new_items[name], fault, remedy, on_key=True)
+    inner = replace(ctx, named={**values})
+    for name in _reading_order(ctx, new_items):
         before = len(ctx.errors)
-        value = _number(inner, given[name])
+        value = _number(inner, new_items[name])
         if len(ctx.errors) == before and name not in misnamed:
             inner.named[name] = value
         else:
             inner.unread.add(name)
-    ctx.unread.update(name for name in given if name not in inner.named)
+    ctx.unread.update(name for name in new_items if name not in inner.named)
     unread = Named(math.nan, NONE)
     return {name: inner.named.get(name, unread) for name in numbers}
 
@@ -610,13 +609,13 @@ def _name_fault(name: str) -> str:
     return f"{shortened(name)!r} is not a name of a parameter: names begin with a letter or _"
 
 
-def _reading_order(ctx: Context, given: Mapping[str, Node]) -> list[str]:
+def _reading_order(ctx: Context, items: Mapping[str, Node]) -> list[str]:
     """Return the names, each after those in its expression.
 
     Names in circles are faults and left out.
     """
-    names_used = {name: words_in(item, given) for name, item in given.items()}
-    position = {name: place for place, name in enumerate(given)}
+    names_used = {name: words_in(item, items) for name, item in items.items()}
+    position = {name: place for place, name in enumerate(items)}
     for _ in range(MAX_CIRCLES):
         try:
             return list(TopologicalSorter(names_used).static_order())
@@ -624,7 +623,7 @@ def _reading_order(ctx: Context, given: Mapping[str, Node]) -> list[str]:
             circle = error.args[1][:0:-1]
         first = min(range(len(circle)), key=lambda place: position[circle[place]])
         words = " → ".join([*circle[first:], *circle[: first + 1]])
-        ctx.at(given[circle[first]], f"is made of itself: {words}", "give one of these a number")
+        ctx.at(items[circle[first]], f"is made of itself: {words}", "give one of these a number")
         ctx.unread.update(circle)
         names_used = {
             name: used.difference(circle) for name, used in names_used.items() if name not in circle

@@ -1,9 +1,8 @@
-"""Reads the sections that make up a scene beside its body: boundary, material, loads, friction,
-heat.
+"""Reading the sections of a scene beside its body: boundary, material, loads, friction, heat.
 
-Heat is a known temperature, or conduction with a source in ω and what edges do to it: exchange on
-Γ_θ (eqs. 2, 5), a flux, a temperature that is held. An edge that exchanges heat leaves to the
-section what it does not say by itself.
+Heat is a known temperature, or conduction with a source in ω and conditions on edges. The
+conditions are convection on Γ_θ (eqs. 2, 5), a prescribed flux, or a prescribed temperature. A
+convection edge takes from the section the values that it does not give itself.
 """
 
 from __future__ import annotations
@@ -44,316 +43,346 @@ from tcstudy.scene.records import (
 from tcstudy.shapes.edges import edge_length, edge_points
 
 ROLES = row("boundary", "role").words
-KINDS = {one.word: one for one in (Clamped, Symmetry, Rigid, Traction, Contact, Convection, Free)}
+ROLE_RECORDS = {
+    record.word: record
+    for record in (Clamped, Symmetry, Rigid, Traction, Contact, Convection, Free)
+}
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
-WAYS = (("u",), ("u_x", "u_y"), ("u_N", "u_T"))
-"""How a displacement may be given: as a pair, in x and y, or in the frame of the edge."""
-MOST_PLACES = 400
-"""Points of a line that a random strength is made of at most."""
+DISPLACEMENT_KEYS = (("u",), ("u_x", "u_y"), ("u_N", "u_T"))
+"""Keys that give a displacement: as a pair, in x and y, or in the frame of the edge."""
+MAX_RANDOM_POINTS = 400
+"""Largest number of points of a line at which a random strength is drawn."""
 
 
 @none_after_fault
 def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Boundary:
-    """The roles of all edges in the order of the study; None after a fault.
-    names: the edges of the body, each of which has a role, as every role has an edge; None if they
-    are not known"""
+    """Return the roles of all edges in the order of the study; None after a fault.
+
+    names: the edges of the body, each of which needs a role; None if they are not known
+    """
     remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
-    given = ctx.mapping(node, "edges to roles", remedy, least=0)
-    roles = {edge: _role(ctx, item) for edge, item in given.items()}
+    items = ctx.mapping(node, "edges to roles", remedy, least=0)
+    roles = {edge: _role(ctx, item) for edge, item in items.items()}
     if names is not None and isinstance(node.value, Mapping):
-        without = [name for name in names if name not in given]
-        guessed = {
-            edge: nearest(edge, without) or nearest(edge, names)
-            for edge in given
-            if edge not in names
-        }
-        for edge, near in guessed.items():
-            remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
-            ctx.at(given[edge], f"the body has no edge {edge!r}", remedy, on_key=True)
-        for edge in without:
-            if edge not in guessed.values():  # a misspelt edge is one fault, not two
-                said = f"the edge has no role; add {edge}: free, or one of {', '.join(ROLES[:-1])}"
-                ctx.at(node, said, key=f"{node.path}.{edge}")
+        _compare_edges(ctx, node, items, names)
     ctx.sound()
     if not any(isinstance(role, Contact) for role in roles.values()):
-        what = "no edge is in contact, so there is no friction to study"
-        ctx.at(node, what, "give the role contact to the edges that touch the foundation")
+        fault = "no edge is in contact, so there is no friction to study"
+        ctx.at(node, fault, "give the role contact to the edges that touch the foundation")
     return tuple(roles.items())
 
 
+def _compare_edges(
+    ctx: Context, node: Node, items: Mapping[str, Node], names: tuple[str, ...]
+) -> None:
+    """Record roles of edges that the body does not have, and edges of the body without a role."""
+    without_role = [name for name in names if name not in items]
+    misspelt = set[str]()
+    for edge, item in items.items():
+        if edge in names:
+            continue
+        near = nearest(edge, without_role) or nearest(edge, names)
+        remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
+        ctx.at(item, f"the body has no edge {edge!r}", remedy, on_key=True)
+        if near:
+            misspelt.add(near)
+    for edge in without_role:
+        if edge not in misspelt:  # a misspelt edge is one fault, not two
+            remedy = f"add {edge}: free, or one of {', '.join(ROLES[:-1])}"
+            ctx.at(node, "the edge has no role", remedy, key=f"{node.path}.{edge}")
+
+
 def keys_of(node: Node) -> tuple[str, ...]:
-    """The keys that the role of an edge takes; all of them if it has none that is known."""
+    """Return the keys that the role of an edge takes; all keys if the role is not known."""
     word = node.at("role") if isinstance(node.value, Mapping) else node
-    return of_role(str(word.value)) if word is not None and word.value in ROLES else ALL_KEYS
+    if word is None or word.value not in ROLES:
+        return ALL_KEYS
+    return of_role(str(word.value))
 
 
 def _role(ctx: Context, node: Node) -> Role:
     if not isinstance(node.value, Mapping):
         node = replace(node, value={"role": node})
-    if not (kind := word_of(ctx, node, "boundary", "role")):
+    kind = word_of(ctx, node, "boundary", "role")
+    if not kind:
         return Free()
-    foreign = [key for key in ALL_KEYS if node.at(key) and key not in of_role(kind)]
-    fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
+    keys = of_role(kind)
+    foreign = [key for key in ALL_KEYS if node.at(key) and key not in keys]
+    fields = Fields(ctx, node, "boundary", ("role",), (*keys, *foreign))
     for key in foreign:
         fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
-    own = {"heat": read_edge_heat(ctx, fields, kind)} | fields.given({*Role.loads} - {*foreign})
-    if any(isinstance(one, Expression) for one in own.get("force", ())):
-        said = "a resultant is one number in x and one in y; give g for a traction that varies along the edge"
-        fields.fault("force", said)
-        del own["force"]
+    values: dict[str, Any] = {"heat": read_edge_heat(ctx, fields, kind)}
+    values |= fields.given({*Role.loads} - {*foreign})
+    if any(isinstance(component, Expression) for component in values.get("force", ())):
+        fault = "a resultant is one number in x and one in y"
+        fields.fault("force", fault, "give g for a traction that varies along the edge")
+        del values["force"]
     if kind in MOVED:
-        own |= _displacement(ctx, node, fields, kind)
+        values |= _displacement(ctx, node, fields, kind)
     if kind == "rigid":
-        _check_rigid(
-            fields, own.get("u", (None, None)), own.get("force", (0.0, 0.0)), own.get("moment")
-        )
-    actions = [key for key in (*Role.loads, "spring") if key in of_role(kind)]
+        u = values.get("u", (None, None))
+        force = values.get("force", (0.0, 0.0))
+        _check_rigid(fields, u, force, values.get("moment"))
+    actions = [key for key in (*Role.loads, "spring") if key in keys]
     if kind == "traction" and not any(fields[key] for key in actions):
-        remedy = (
-            "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
-        )
+        choices = "{role: traction, g: [gx, gy]} or {role: traction, pressure: p}"
+        remedy = f"write {choices}, or the role free"
         ctx.at(node, "a traction edge needs g or pressure", remedy)
-    if kind in LOADED and (support := fields["spring"]) is not None:
-        spring = Fields(ctx, support, "spring")
-        if isinstance(support.value, Mapping) and not spring.values:
-            ctx.at(support, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
-        own["spring"] = spring.value("normal"), spring.value("tangential")
-    return KINDS[kind](**own)
+    if kind in LOADED and fields["spring"] is not None:
+        values["spring"] = _spring(ctx, fields["spring"])
+    return ROLE_RECORDS[kind](**values)
+
+
+def _spring(ctx: Context, node: Node) -> tuple[Any, Any]:
+    """Return the normal and the tangential stiffness of the springs of an edge."""
+    fields = Fields(ctx, node, "spring")
+    if isinstance(node.value, Mapping) and not fields.values:
+        ctx.at(node, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
+    return fields.value("normal"), fields.value("tangential")
 
 
 def _home(key: str) -> str:
+    """Return where a key of an edge belongs, in words."""
     if key in HEAT_KEYS:
-        return "write alpha, theta_bar and flux beside convection, and heat: {...} beside any other role"
-    return (
-        f"{key} belongs to the role {' or '.join(role for role in ROLES if key in of_role(role))}"
-    )
+        convection = "write alpha, theta_bar and flux beside convection"
+        return f"{convection}, and heat: {{...}} beside any other role"
+    roles = [role for role in ROLES if key in of_role(role)]
+    return f"{key} belongs to the role {' or '.join(roles)}"
 
 
 def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[str, Any]:
-    """What of u an edge is given, and in which frame; "free" leaves a component free, as one that
-    is left out."""
-    ways = [
-        names for names in WAYS if names[0] in of_role(kind) and any(fields[name] for name in names)
-    ]
-    if len(ways) > 1:
-        either = "u: [u_x, u_y], or u_x and u_y" + (", or u_N and u_T" if kind == "clamped" else "")
-        ctx.at(node, "the displacement is given in two ways", f"give either {either}")
-    if len(ways) != 1:
+    """Return the displacement of an edge and its frame; empty if it has none.
+
+    A component that is left out, or "free", is None.
+    """
+    known_keys = of_role(kind)
+    options = [keys for keys in DISPLACEMENT_KEYS if keys[0] in known_keys]
+    used = [keys for keys in options if any(fields[key] for key in keys)]
+    if len(used) > 1:
+        in_frame = ", or u_N and u_T" if kind == "clamped" else ""
+        remedy = f"give either u: [u_x, u_y], or u_x and u_y{in_frame}"
+        ctx.at(node, "the displacement is given in two ways", remedy)
+    if len(used) != 1:
         return {}
-    u = fields.value("u") if fields["u"] else tuple(map(fields.value, ways[0]))
+    u = fields.value("u") if fields["u"] else tuple(map(fields.value, used[0]))
     if kind == "clamped" and u == (None, None):
         ctx.at(node, "both components are free, so nothing is clamped; give the edge the role free")
-    return {"u": u, "frame": "nt" if "u_N" in ways[0] else "xy"}
+    return {"u": u, "frame": "nt" if "u_N" in used[0] else "xy"}
 
 
 def _check_rigid(
     fields: Fields, u: tuple[Any, Any], force: tuple[float, float], moment: float | None
 ) -> None:
     if moment is not None and u != (None, None):
-        fields.fault(
-            "moment",
-            "an edge that turns moves as its forces and its moment want; leave out u, or the moment",
-        )
+        fault = "an edge that turns moves as its forces and its moment want"
+        fields.fault("moment", fault, "leave out u, or the moment")
     elif any(isinstance(component, Expression) for component in u):
-        fields.ctx.at(
-            fields.node, "a rigid edge moves as a whole, by one number; use the role clamped"
-        )
+        fault = "a rigid edge moves as a whole, by one number"
+        fields.ctx.at(fields.node, fault, "use the role clamped")
     elif None not in u:
-        what = "both components are given, so nothing is left for the edge to find"
-        fields.ctx.at(fields.node, what, "give the edge the role clamped, or leave a component out")
-    for name, component, given in zip("xy", u, force, strict=True):
-        if component is not None and given != 0.0:
-            what = f"u_{name} is given, so a force in {name} would not be used"
-            fields.fault("force", what, f"write 0 in its place, or leave out u_{name}")
+        fault = "both components are given, so nothing is left for the edge to find"
+        remedy = "give the edge the role clamped, or leave a component out"
+        fields.ctx.at(fields.node, fault, remedy)
+    for axis, displacement, component in zip("xy", u, force, strict=True):
+        if displacement is not None and component != 0.0:
+            fault = f"u_{axis} is given, so a force in {axis} would not be used"
+            fields.fault("force", fault, f"write 0 in its place, or leave out u_{axis}")
 
 
 @none_after_fault
 def read_materials(
-    ctx: Context, node: Node, own: Node | None, regions: tuple[str, ...] | None = None
+    ctx: Context, node: Node, materials: Node | None, regions: tuple[str, ...] | None = None
 ) -> Material | None:
-    """The material with those that regions have of their own; None after a fault.
-    own: the section `materials`;  regions: names of the regions of the body; None if they are not known"""
+    """Return the material with those of the regions; None after a fault.
+
+    materials: the section of the materials of regions
+    regions:   names of the regions of the body; None if they are not known
+    """
     material = _material(ctx, node)
     if material is None:
         return None
-    found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
-    for name, item in ctx.mapping(own, "regions to materials", remedy).items():
+    by_region = list[tuple[str, Material]]()
+    remedy = ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
+    for name, item in ctx.mapping(materials, "regions to materials", remedy).items():
         if fault := _unknown_region(name, regions):
             ctx.at(item, *fault)
         elif plane := item.at("plane"):
-            ctx.at(
-                plane,
-                "the whole body is in plane strain or in plane stress",
-                "give it under material",
-            )
-        elif one := _material(ctx, item, material.plane):
-            found.append((name, one))
-    return replace(material, regions=tuple(found))
+            conflict = "the whole body is in plane strain or in plane stress"
+            ctx.at(plane, conflict, "give it under material")
+        elif region_material := _material(ctx, item, material.plane):
+            by_region.append((name, region_material))
+    return replace(material, regions=tuple(by_region))
 
 
 def _unknown_region(name: str, regions: tuple[str, ...] | None) -> tuple[str, str] | None:
     if regions is None or name in regions:
         return None
-    known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
-    return f"the body has no region {name!r}", hint(name, regions, known)
+    remedy = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
+    return f"the body has no region {name!r}", hint(name, regions, remedy)
 
 
 @none_after_fault
 def _material(
     ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None
 ) -> Material:
-    """The material of the plane problem; None after a fault.
-    plane: the assumption for the whole body, where that is read already"""
-    pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.at(key) for key in pair)]
-    fields = Fields(ctx, node, "material", (pairs or [("E", "nu")])[0] if len(pairs) < 2 else ())
-    E, nu, lame = fields.value("E"), fields.value("nu"), None
-    if len(pairs) == 2:
-        odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
-        ctx.at(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
-    elif pairs == [("lambda", "mu")]:
+    """Return the material of the plane problem; None after a fault.
+
+    plane: the assumption for the whole body, if it is read already
+    """
+    has_lame = any(node.at(key) for key in ("lambda", "mu"))
+    has_young = any(node.at(key) for key in ("E", "nu"))
+    required = ("lambda", "mu") if has_lame else ("E", "nu")
+    fields = Fields(ctx, node, "material", () if has_lame and has_young else required)
+    E, nu = fields.value("E"), fields.value("nu")
+    lame: tuple[float, float] | None = None
+    if has_lame and has_young:
+        lame_node = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
+        remedy = "give either E and nu, or lambda and mu"
+        ctx.at(lame_node, "the material is given in two ways", remedy)
+    elif has_lame:
         lam, mu = lame = fields.value("lambda"), fields.value("mu")
         if 3 * lam + 2 * mu <= 0.0:
             remedy = f"3 lambda + 2 mu must be positive: lambda greater than {-2 * mu / 3:g}"
             fields.fault("lambda", f"{lam:g} makes the bulk modulus zero or negative", remedy)
             lam = math.nan
-        E, nu = mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
+        E = mu * (3 * lam + 2 * mu) / (lam + mu)
+        nu = lam / (2 * (lam + mu))
     if fields["alpha_T"] and fields["beta"]:
         ctx.at(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
-    plane, alpha_T, beta, k = (
-        plane or fields.value("plane"),
-        *(fields.value(key) for key in ("alpha_T", "beta", "k")),
-    )
+    plane = plane or fields.value("plane")
+    alpha_T, beta, k = map(fields.value, ("alpha_T", "beta", "k"))
     ctx.sound()
     return Material.of(E, nu, plane, k, alpha_T, beta, lame)
 
 
 @none_after_fault
 def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
-    """The body force f, zero without the section; None after a fault."""
+    """Return the body force f, zero without the section; None after a fault."""
     f: tuple[Scalar, Scalar] = (0.0, 0.0) if node is None else Fields(ctx, node, "loads").value("f")
     return f
 
 
 def laws_by_edge(node: Node | None) -> dict[str, Node]:
-    """The laws of the section `friction` by edge; empty where it is one law."""
-    found = dict(node.children) if node and not node.at("law") else {}
-    return found if any(isinstance(one.value, Mapping) for one in found.values()) else {}
+    """Return the laws of the section `friction` by edge; empty if it is one law."""
+    if not node or node.at("law"):
+        return {}
+    laws = dict(node.children)
+    return laws if any(isinstance(law.value, Mapping) for law in laws.values()) else {}
 
 
 @none_after_fault
 def read_friction(ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]]) -> Laws | EdgeLaws:
-    """The friction law, or the laws of the contact edges; None after a fault.
-    lines: of each contact edge, and of all by the name "", for strengths that are random along
-    them"""
-    each = (laws_by_edge(node) or {"": node}).items()
-    laws = [(edge, _law(ctx, own, lines.get(edge, ()))) for edge, own in each]
+    """Return the friction law, or the laws of the contact edges; None after a fault.
+
+    lines: of each contact edge, and of all by the name "", for strengths that are random along them
+    """
+    nodes = laws_by_edge(node) or {"": node}
+    laws = {edge: _law(ctx, item, lines.get(edge, ())) for edge, item in nodes.items()}
     ctx.sound()
-    made = tuple((edge, *law) for edge, law in laws if law is not None)
-    return made[0][1] if made[0][0] == "" and made[0][2] == 1.0 else EdgeLaws(made)
+    edge_laws = tuple((edge, *law) for edge, law in laws.items() if law is not None)
+    edge, law, strength = edge_laws[0]
+    return law if edge == "" and strength == 1.0 else EdgeLaws(edge_laws)
 
 
-def _scattered(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression:
+def _random_strength(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression:
     if not fields["scatter_length"]:
         fields.missing("scatter_length")
     if not line:
-        fields.fault(
-            "scatter", "the joint of a body from a file is not known beforehand; draw its outline"
-        )
+        fault = "the joint of a body from a file is not known beforehand"
+        fields.fault("scatter", fault, "draw its outline")
     ctx.sound()
     length = float(fields.value("scatter_length"))
     counts = [max(1, math.ceil(edge_length(edge) / (SPACING * length))) for edge in line]
-    if sum(counts) > MOST_PLACES:
-        least = 2.0 * sum(map(edge_length, line)) / MOST_PLACES
-        fields.fault("scatter_length", f"is too short for the joint; write {least:.2g} m or more")
+    if sum(counts) > MAX_RANDOM_POINTS:
+        min_length = 2.0 * sum(map(edge_length, line)) / MAX_RANDOM_POINTS
+        remedy = f"write {min_length:.2g} m or more"
+        fields.fault("scatter_length", "is too short for the joint", remedy)
     ctx.sound()
-    points = np.concatenate(
-        [edge_points(edge, count) for edge, count in zip(line, counts, strict=True)]
-    )
-    once = np.unique(np.round(points / (1e-6 * length)), axis=0, return_index=True)[
-        1
-    ]  # edges share their ends
-    points = points[np.sort(once)]
-    return random_field(
-        points, float(fields.value("scatter")), length, int(fields.value("scatter_seed"))
-    )
+    points = np.concatenate(list(map(edge_points, line, counts)))
+    # edges share their ends
+    rounded = np.round(points / (1e-6 * length))
+    _, first_index = np.unique(rounded, axis=0, return_index=True)
+    points = points[np.sort(first_index)]
+    scatter = float(fields.value("scatter"))
+    return random_field(points, scatter, length, int(fields.value("scatter_seed")))
 
 
 @none_after_fault
 def _law(ctx: Context, node: Node, line: Sequence[Edge]) -> tuple[Laws, Scalar]:
+    """Return the law of an edge and the factor of its strength that varies along the edge."""
     name = word_of(ctx, node, "friction", "law")
     ctx.sound()
-    own = (*(row("friction", key) for key in ("law", *OF_ALL_LAWS)), *law_rows(name))
-    fields, shape = Fields(ctx, node, {one.name: one for one in own}), SHAPES[name]
-    values, strength = fields.given(), fields.value("strength")
+    common_keys = ("law", *OF_ALL_LAWS)
+    law_keys = (*(row("friction", key) for key in common_keys), *law_rows(name))
+    fields = Fields(ctx, node, {key.name: key for key in law_keys})
+    shape = SHAPES[name]
+    values = fields.given()
+    strength = fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
-        said = f"must be 0 or more, but is {strength:g}; write a factor of 0 or more; 0 is a gap in the bond"
-        fields.fault("strength", said)
+        fault = f"must be 0 or more, but is {strength:g}"
+        fields.fault("strength", fault, "write a factor of 0 or more; 0 is a gap in the bond")
     ctx.sound()
     if fields["scatter"]:
-        strength = product(strength, _scattered(ctx, fields, line))
+        strength = product(strength, _random_strength(ctx, fields, line))
     try:
-        law = shape.build(
-            **{key: values[key] for key in values if key not in ("law", *OF_ALL_LAWS)}
-        )
-        varies = isinstance(strength, Expression)
-        return law if varies or strength == 1.0 else law.times(
-            strength
-        ), strength if varies else 1.0
+        law = shape.build(**{key: values[key] for key in values if key not in common_keys})
+        if isinstance(strength, Expression):
+            return law, strength
+        return (law if strength == 1.0 else law.times(strength)), 1.0
     except LawError as error:
-        what, _, remedy = error.message.partition("; ")
-        fields.fault(error.parameter, what, remedy or f"the law {name}: {shape.summary}")
+        fault, _, remedy = error.message.partition("; ")
+        fields.fault(error.parameter, fault, remedy or f"the law {name}: {shape.summary}")
     except GrowthError as error:
-        fields.fault(
-            "points", str(error), "let the last values and slopes of b have the sign of the slip"
-        )
+        remedy = "let the last values and slopes of b have the sign of the slip"
+        fields.fault("points", str(error), remedy)
     raise Unsound
 
 
-EXCHANGE = tuple(name for name in rows("edge_heat") if name != "theta")
-HEAT = ("alpha", "theta_bar")
-"""Keys of the section `heat` that edges may give by themselves."""
-HEAT_KEYS = ("heat", *EXCHANGE)
-"""Keys of an edge that say what it does to heat."""
+CONVECTION_KEYS = tuple(name for name in rows("edge_heat") if name != "theta")
+SHARED_KEYS = ("alpha", "theta_bar")
+"""Keys of the section `heat` that an edge may give itself."""
+HEAT_KEYS = ("heat", *CONVECTION_KEYS)
+"""Keys of an edge about heat."""
 
 
 def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
-    """What the edge does to heat by itself; None where it says nothing of it."""
+    """Return the heat condition of an edge; None if the edge gives none."""
     if kind == "convection":
-        given = fields.given(EXCHANGE)
-        return EdgeHeat(**given) if given else None
-    if (node := fields["heat"]) is None:
+        values = fields.given(CONVECTION_KEYS)
+        return EdgeHeat(**values) if values else None
+    node = fields["heat"]
+    if node is None:
         return None
-    own = Fields(ctx, node, "edge_heat")
-    if isinstance(node.value, Mapping) and not own.values:
-        ctx.at(
-            node,
-            "says nothing",
-            "give theta, or flux, or alpha and theta_bar; without heat it is insulated",
-        )
-    _alone(own, "theta is held on the edge")
-    return EdgeHeat(**own.given())
+    heat_fields = Fields(ctx, node, "edge_heat")
+    if isinstance(node.value, Mapping) and not heat_fields.values:
+        remedy = "give theta, or flux, or alpha and theta_bar; without heat it is insulated"
+        ctx.at(node, "says nothing", remedy)
+    _check_theta_alone(heat_fields, "theta is held on the edge")
+    return EdgeHeat(**heat_fields.given())
 
 
-def _alone(fields: Fields, why: str) -> None:
-    """A temperature that is known takes nothing beside it."""
-    if fields["theta"] and (
-        others := [key for key in fields.values if key in fields.rows and key != "theta"]
-    ):
-        said = f"{why}, so {', '.join(others)} would not be used; keep theta alone, or remove it"
-        fields.fault("theta", said)
+def _check_theta_alone(fields: Fields, reason: str) -> None:
+    """Record keys beside a known temperature, which have no effect."""
+    unused = [key for key in fields.values if key in fields.rows and key != "theta"]
+    if fields["theta"] and unused:
+        fault = f"{reason}, so {', '.join(unused)} would not be used"
+        fields.fault("theta", fault, "keep theta alone, or remove it")
 
 
 @none_after_fault
 def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> Heat:
-    """The heat problem; zero temperature without the section; None after a fault.
-    regions: names of the regions of the body; None if they are not known"""
+    """Return the heat problem, of zero temperature without the section; None after a fault.
+
+    regions: names of the regions of the body; None if they are not known
+    """
     if node is None:
         return Heat()
     fields = Fields(ctx, node, "heat")
-    _alone(fields, "theta is the known temperature")
+    _check_theta_alone(fields, "theta is the known temperature")
     if fields["theta"]:
         return Heat(**fields.given(("theta",)))
-    return Heat(**fields.given((*HEAT, "q")), omega=_omega(ctx, fields["omega"], regions))
+    values = fields.given((*SHARED_KEYS, "q"))
+    return Heat(**values, omega=_omega(ctx, fields["omega"], regions))
 
 
 def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
@@ -373,68 +402,102 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
 def check_heat(
     ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material
 ) -> None:
-    """Heat needs a conductivity and an edge that decides about temperature; what is given must act
-    somewhere."""
-    own = {edge: role.heat for edge, role in boundary if role.heat is not None}
-    passing = {edge: role.heat or EdgeHeat() for edge, role in boundary if exchanges(role)}
-    section, alpha = root.at("heat"), root.nearest("heat", "alpha")
-    if heat.theta is not None or (section is None and not own):
-        why = (
-            "the study has no section heat" if section is None else "the temperature theta is given"
-        )
-        for edge in [*passing, *own][:1]:
-            what = "what the edge does to heat" if edge in own else "a convection edge"
-            remedy = "remove theta to compute the temperature, or what the edge says of heat"
-            if edge not in own:
-                remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
-            ctx.at(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
+    """Record a heat problem without a conductivity, without a steady state, or without effect.
+
+    Computed heat needs a conductivity and an edge that decides about temperature. Every value must
+    have an effect.
+    """
+    conditions = {edge: role.heat for edge, role in boundary if role.heat is not None}
+    convection = {edge: role.heat or EdgeHeat() for edge, role in boundary if exchanges(role)}
+    if heat.theta is not None or (root.at("heat") is None and not conditions):
+        _check_no_edge_heat(ctx, root, convection, conditions)
         return
-    for key in HEAT:  # what edges leave to the section
-        lacking = [edge for edge, given in passing.items() if getattr(given, key) is None]
-        said = f"add {key}: {ctx.example(row('heat', key).suggestion)}"
+    _check_shared_keys(ctx, root, convection, conditions)
+    # without heat an alpha without effect is a warning, not a fault
+    if not (convection or conditions) and heat.q == 0.0:
+        return
+    _check_conductivity(ctx, root, material)
+    _check_outlet(ctx, root, heat, convection, conditions)
+
+
+def _check_no_edge_heat(
+    ctx: Context,
+    root: Node,
+    convection: Mapping[str, EdgeHeat],
+    conditions: Mapping[str, EdgeHeat],
+) -> None:
+    """Record an edge with heat where no heat problem is solved."""
+    reason = "the temperature theta is given"
+    if root.at("heat") is None:
+        reason = "the study has no section heat"
+    for edge in [*convection, *conditions][:1]:
+        subject = "a convection edge"
+        remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
+        if edge in conditions:
+            subject = "what the edge does to heat"
+            remedy = "remove theta to compute the temperature, or what the edge says of heat"
+        node = root.nearest("boundary", edge)
+        ctx.at(node, f"{subject} has no meaning, because {reason}", remedy)
+
+
+def _check_shared_keys(
+    ctx: Context,
+    root: Node,
+    convection: Mapping[str, EdgeHeat],
+    conditions: Mapping[str, EdgeHeat],
+) -> None:
+    """Record keys that convection edges leave to the section `heat`, which does not give them."""
+    section = root.at("heat")
+    for key in SHARED_KEYS:
+        lacking = [edge for edge, values in convection.items() if getattr(values, key) is None]
+        remedy = f"add {key}: {ctx.example(row('heat', key).suggestion)}"
         if section is None:
             for edge in lacking:
-                what, where = (
-                    "is missing, and there is no section heat to take it from",
-                    ("boundary", edge, "heat"),
-                )
-                ctx.at(root.nearest(*where), what, said, key=".".join((*where, key)))
-        elif (
-            not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping)
-        ):
-            ctx.at(section, "is missing", said, key=f"heat.{key}")
-    if (
-        not (passing or own) and heat.q == 0.0
-    ):  # no heat comes or goes: an alpha then is a doubt, no fault
-        return
-    places = (("material",), *(("materials", name) for name, _ in material.regions))
-    for place, one in zip(places, material.all, strict=True):
-        if one.k is None:
-            key = f"{'.'.join(place)}.k"
-            ctx.at(
-                root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key
-            )
-    if (
-        not passing
-        and not any(said.theta is not None for said in own.values())
-        and (own or heat.alpha > 0.0)
-    ):
-        node, what = (
-            root.nearest("boundary", *[*own][:1]),
-            "and none holds a temperature: no heat can leave",
-        )
+                path = ("boundary", edge, "heat")
+                fault = "is missing, and there is no section heat to take it from"
+                ctx.at(root.nearest(*path), fault, remedy, key=".".join((*path, key)))
+            continue
+        is_needed = bool(lacking) or not conditions
+        if is_needed and isinstance(section.value, Mapping) and not root.at("heat", key):
+            ctx.at(section, "is missing", remedy, key=f"heat.{key}")
+
+
+def _check_conductivity(ctx: Context, root: Node, material: Material) -> None:
+    """Record materials without a conductivity."""
+    paths = (("material",), *(("materials", name) for name, _ in material.regions))
+    for path, part in zip(paths, material.all, strict=True):
+        if part.k is None:
+            fault = "is missing, but heat needs it"
+            key = f"{'.'.join(path)}.k"
+            ctx.at(root.nearest(*path), fault, "add k: 45 W/(m*K)", key=key)
+
+
+def _check_outlet(
+    ctx: Context,
+    root: Node,
+    heat: Heat,
+    convection: Mapping[str, EdgeHeat],
+    conditions: Mapping[str, EdgeHeat],
+) -> None:
+    """Record a heat problem whose edges do not decide about the temperature."""
+    alpha = root.nearest("heat", "alpha")
+    is_held = any(condition.theta is not None for condition in conditions.values())
+    if not convection and not is_held and (conditions or heat.alpha > 0.0):
+        node = root.nearest("boundary", *[*conditions][:1])
+        effect = "and none holds a temperature: no heat can leave"
         if heat.alpha > 0.0:
-            node, what = alpha, "so alpha acts nowhere"
-        remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
-        ctx.at(node, f"no edge has the role convection, {what}", remedy)
-    elif (
-        section
-        and heat.alpha == 0.0
-        and own
-        and any(said.alpha is None for said in passing.values())
-    ):
-        what = "with alpha = 0 the edges that have none of their own exchange nothing"
-        ctx.at(alpha, what, "give alpha > 0, or make those edges free or traction")
-    elif heat.alpha == 0.0 and not own and heat.q != 0.0:
-        what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
-        ctx.at(alpha, what, "give alpha > 0, or q: 0")
+            node = alpha
+            effect = "so alpha acts nowhere"
+        convect = "give the role convection to the edges that exchange heat"
+        remedy = f"{convect}, or give a known temperature theta"
+        ctx.at(node, f"no edge has the role convection, {effect}", remedy)
+        return
+    if heat.alpha != 0.0:
+        return
+    needs_alpha = any(condition.alpha is None for condition in convection.values())
+    if root.at("heat") and conditions and needs_alpha:
+        fault = "with alpha = 0 the edges that have none of their own exchange nothing"
+        ctx.at(alpha, fault, "give alpha > 0, or make those edges free or traction")
+    elif not conditions and heat.q != 0.0:
+        fault = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
+        ctx.at(alpha, fault, "give alpha > 0, or q: 0")

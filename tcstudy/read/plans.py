@@ -1,4 +1,4 @@
-"""Reads the sections that say how a study is run: `mesh`, `solver`, `output`, `path`."""
+"""Reading the sections `mesh`, `solver` and `output`."""
 
 from __future__ import annotations
 
@@ -23,28 +23,40 @@ from tcstudy.scene.units import LENGTH, LINE_FORCE
 from tcstudy.shapes.edges import body_polygon, body_size, edge_distance
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-NEAR = 1e-6
-"""Distance from an edge that counts as on it, over the size of the body."""
-STRAIGHT = 1e-9
+MAX_EDGE_DISTANCE = 1e-6
+"""Distance up to which a point counts as on an edge, over the size of the body."""
+MAX_BEND = 1e-9
 """Sine of the angle up to which two edges have one direction."""
-SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "max_dofs")
-"""Keys of `mesh` that a list of sizes has no use for."""
-OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
-"""Keys that depend on each other; every other one of `mesh` is a field of the plan."""
+UNUSED_WITH_SIZES = (
+    "levels",
+    "family",
+    "tolerance",
+    "max_levels",
+    "grading",
+    "marking",
+    "max_dofs",
+)
+"""Keys of `mesh` that a list of sizes does not use."""
+DEPENDENT_KEYS = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
+"""Keys of `mesh` that depend on each other; every other key is a field of the plan."""
 
 
 def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:
-    """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are
-    for this body."""
+    """Return the meshes, coarse to fine; None after a fault of the section alone.
+
+    A mesh that does not fit the body is a fault, too, but has a plan.
+    """
     root, body = reader.root, reader.body
-    plan = (
-        _mesh(ctx, section) if (section := root.at("mesh")) else None
-    )  # that it is missing is recorded already
-    if section and plan and body:
-        before = len(ctx.errors)
-        check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
-        if reader.base is not None and len(ctx.errors) == before:
-            check_contact_nodes(ctx, root.nearest("mesh", "maxh"), plan, body, reader.base.boundary)
+    section = root.at("mesh")
+    if section is None:  # which is recorded already
+        return None
+    plan = _mesh(ctx, section)
+    if plan and body:
+        fault_count = len(ctx.errors)
+        maxh = root.nearest("mesh", "maxh")
+        check_mesh(ctx, maxh, plan, body)
+        if reader.base is not None and len(ctx.errors) == fault_count:
+            check_contact_nodes(ctx, maxh, plan, body, reader.base.boundary)
         if reader.scenes and (goal := section.at("of") or section.at("goal")):
             check_goal(ctx, goal, plan.goal, body, reader.scenes)
     return plan
@@ -53,71 +65,90 @@ def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:
 @none_after_fault
 def _mesh(ctx: Context, section: Node) -> MeshPlan:
     fields = Fields(ctx, section, "mesh")
-    if (one := fields["tolerance"]) and isinstance(one.value, Mapping) and len(one.value) == 1:
-        what, size = next(iter(one.children.items()))
-        fields.fault(
-            "tolerance",
-            "is a number, what it is of stands beside it",
-            f"write tolerance: {size.text()}, of: {what}",
-        )
+    _check_tolerance(ctx, fields)
+    sizes = _sizes(ctx, fields)
+    has_tolerance = fields["tolerance"] is not None
+    family: FamilyName = "adaptive"
+    if fields["family"] or not has_tolerance:
+        family = fields.value("family")
+    for key, fault in _unused_keys(fields, family, len(sizes) > 1).items():
+        if key and fields[key]:
+            fields.fault(key, fault, on_key=True)
+    levels_key = "max_levels" if has_tolerance else "levels"
+    max_levels = FAMILIES[family].max_levels
+    if node := fields[levels_key]:
+        levels = ctx.integer(node, 1, max_levels)
+    else:
+        levels = min(fields.value(levels_key), max_levels)
+    if len(sizes) > 1:
+        levels = len(sizes)
+    options = fields.given(key for key in fields.rows if key not in DEPENDENT_KEYS)
+    goal = _goal(ctx, fields)
+    if goal.proved:
+        options["guarantee"] = True
+    return MeshPlan(sizes, levels, family, goal=goal, **options)
+
+
+def _check_tolerance(ctx: Context, fields: Fields) -> None:
+    """Record a tolerance that is written as {goal: number}, and end the reading."""
+    node = fields["tolerance"]
+    if node and len(node.children) == 1:
+        goal, size = next(iter(node.children.items()))
+        remedy = f"write tolerance: {size.text()}, of: {goal}"
+        fields.fault("tolerance", "is a number, what it is of stands beside it", remedy)
         ctx.sound()
-    node, sizes = fields["maxh"], fields.value("maxh") if fields["maxh"] else ()
+
+
+def _sizes(ctx: Context, fields: Fields) -> tuple[float, ...]:
+    """Return the element sizes, coarse to fine."""
+    node = fields["maxh"]
+    sizes: tuple[float, ...] = fields.value("maxh") if node else ()
     for i, (coarse, fine) in enumerate(pairwise(sizes), start=1):
         if node and fine >= coarse:
-            said = f"{fine:g} does not decrease after {coarse:g}; order the sizes from coarse to fine, each once"
-            ctx.at(node.entries[i], said)
+            fault = f"{fine:g} does not decrease after {coarse:g}"
+            ctx.at(node.entries[i], fault, "order the sizes from coarse to fine, each once")
     ctx.sound()
-    to_tolerance = fields["tolerance"] is not None
-    family: FamilyName = (
-        "adaptive" if to_tolerance and not fields["family"] else fields.value("family")
-    )
-    for key, said in _contradictions(fields, family, len(sizes) > 1).items():
-        if key and fields[key]:
-            fields.fault(key, said, on_key=True)
-    key, most = "max_levels" if to_tolerance else "levels", FAMILIES[family].max_levels
-    levels = ctx.integer(node, 1, most) if (node := fields[key]) else min(fields.value(key), most)
-    options, goal = (
-        fields.given(name for name in fields.rows if name not in OF_MESH),
-        _goal(ctx, fields),
-    )
-    options |= {"guarantee": True} if goal.proved else {}
-    return MeshPlan(sizes, len(sizes) if len(sizes) > 1 else levels, family, goal=goal, **options)
+    return sizes
 
 
-def _contradictions(fields: Fields, family: FamilyName, listed: bool) -> dict[str, str]:
-    strategy, to_tolerance = FAMILIES[family], fields["tolerance"] is not None
-    used = {
-        one.option: f"is for {name} meshes; add family: {name}, or remove it"
-        for name, one in FAMILIES.items()
-    }
-    used.pop(strategy.option)
-    if to_tolerance:
-        used["levels"] = (
-            "the tolerance decides how many levels there are; use max_levels for the most"
-        )
+def _unused_keys(fields: Fields, family: FamilyName, has_sizes: bool) -> dict[str, str]:
+    """Return the keys that the family or other keys exclude, with the fault of each.
+
+    has_sizes: whether maxh is a list
+    """
+    strategy = FAMILIES[family]
+    has_tolerance = fields["tolerance"] is not None
+    unused = dict[str, str]()
+    for name, candidate in FAMILIES.items():
+        unused[candidate.option] = f"is for {name} meshes; add family: {name}, or remove it"
+    unused.pop(strategy.option)
+    if has_tolerance:
+        fault = "the tolerance decides how many levels there are"
+        unused["levels"] = f"{fault}; use max_levels for the most"
     else:
-        used["max_levels"] = "is for a tolerance; use levels, or add tolerance: 1e-3"
-        used["of"] = "says what the tolerance is of, but there is none; use goal, or add tolerance"
+        unused["max_levels"] = "is for a tolerance; use levels, or add tolerance: 1e-3"
+        fault = "says what the tolerance is of, but there is none"
+        unused["of"] = f"{fault}; use goal, or add tolerance"
         if not strategy.adapts:
-            used["max_dofs"] = (
-                "ends adaptive meshes and those for a tolerance; remove it, or add family: adaptive"
-            )
-    if listed:
-        one = (
-            "with a single maxh; give one maxh and levels (nested meshes), or a list of maxh alone"
-        )
-        used |= {key: f"{key} {'go' if key == 'levels' else 'goes'} {one}" for key in SINGLE}
+            fault = "ends adaptive meshes and those for a tolerance"
+            unused["max_dofs"] = f"{fault}; remove it, or add family: adaptive"
+    if has_sizes:
+        remedy = "give one maxh and levels (nested meshes), or a list of maxh alone"
+        for key in UNUSED_WITH_SIZES:
+            verb = "go" if key == "levels" else "goes"
+            unused[key] = f"{key} {verb} with a single maxh; {remedy}"
         if (levels := fields["levels"]) and levels.value == 1:
-            del used["levels"]
+            del unused["levels"]
     if fields["of"]:
-        used["goal"] = "of names the goal already; keep one of the two"
-    elif not (strategy.adapts or to_tolerance or fields["estimate"]):
-        used["goal"] = "no error is estimated here, so the goal is not used; add estimate: true"
-    return used
+        unused["goal"] = "of names the goal already; keep one of the two"
+    elif not (strategy.adapts or has_tolerance or fields["estimate"]):
+        unused["goal"] = "no error is estimated here, so the goal is not used; add estimate: true"
+    return unused
 
 
 def _goal(ctx: Context, fields: Fields) -> Goal:
-    node, goal = fields["of"] or fields["goal"], Goal()
+    node = fields["of"] or fields["goal"]
+    goal = Goal()
     if node and isinstance(node.value, Mapping):
         goal = Goal("u_T", Fields(ctx, node, "goal").value("u_T"))
     elif node:
@@ -126,117 +157,110 @@ def _goal(ctx: Context, fields: Fields) -> Goal:
         if goal.quantity == "u_T":
             ctx.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
     if fields["known"] and goal.quantity == "energy":
-        fields.fault(
-            "known",
-            "a known value needs a goal that is a number; add goal: friction_resultant",
-            on_key=True,
-        )
+        fault = "a known value needs a goal that is a number"
+        fields.fault("known", fault, "add goal: friction_resultant", on_key=True)
     elif fields["known"]:
-        of = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
-        return replace(goal, known=fields.value("known", of))
+        dimension = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
+        return replace(goal, known=fields.value("known", dimension))
     return goal
 
 
 @none_after_fault
 def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
-    """The solver by name, or several to compare, with its options; None after a fault."""
+    """Return the solver, or several to compare, with the options; None after a fault."""
     if node is None:
         return SolverPlan()
-    fields, before = Fields(ctx, node, "solver"), len(ctx.errors)
-    given = fields.given()
-    names = given.pop("name", SolverPlan().names)
-    read = len(ctx.errors) == before  # else a name may be another one than was written
-    if read and len(set(names)) < len(names):
+    default = SolverPlan()
+    fields = Fields(ctx, node, "solver")
+    fault_count = len(ctx.errors)
+    options = fields.given()
+    names = options.pop("name", default.names)
+    is_read = len(ctx.errors) == fault_count  # after a fault a name may be a stand-in
+    if is_read and len(set(names)) < len(names):
         fields.fault("name", "names a solver twice", "name each solver once")
-    if read and BUNDLE not in names and fields["max_iterations"]:
-        fields.fault(
-            "max_iterations", f"is of {BUNDLE} alone", f"remove it, or choose name: {BUNDLE}"
-        )
-    every = given.get("branch") == ALL
+    if is_read and BUNDLE not in names and fields["max_iterations"]:
+        remedy = f"remove it, or choose name: {BUNDLE}"
+        fields.fault("max_iterations", f"is of {BUNDLE} alone", remedy)
+    finds_all = options.get("branch") == ALL
     for key in ("max_boxes", "max_seconds"):
-        if fields[key] and not every:
+        if fields[key] and not finds_all:
             fields.fault(key, f"is of branch: {ALL} alone", f"remove it, or choose branch: {ALL}")
-    if every and names != SolverPlan().names:
-        fields.fault("branch", f"is of {SEPARABLE} alone", "leave `name` out")
-    return SolverPlan(
-        names, **(given | {"branch": SolverPlan().branch, "every": True} if every else given)
-    )
+    if finds_all:
+        if names != default.names:
+            fields.fault("branch", f"is of {SEPARABLE} alone", "leave `name` out")
+        options |= {"branch": default.branch, "every": True}
+    return SolverPlan(names, **options)
 
 
 @none_after_fault
 def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
-    """Where the data go, and what is asked for beside the mandatory ones but derivatives; None
-    after a fault."""
-    if (node := reader.root.at("output")) is None:
+    """Return the output file and the requested variables but derivatives; None after a fault."""
+    section = reader.root.at("output")
+    if section is None:
         return OutputPlan()
-    fields = Fields(ctx, node, "output")
-    given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
-    if where := fields["path"]:
-        text, path = given["path"], Path(given["path"])
+    fields = Fields(ctx, section, "output")
+    values = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
+    if node := fields["path"]:
+        text = values["path"]
+        path = Path(text)
         if fault := shell_name(text):
-            ctx.at(where, f"{where.brief()!r} {fault[0]}", fault[1])
+            ctx.at(node, f"{node.brief()!r} {fault[0]}", fault[1])
         elif text and (path.name in ("", "..") or text.endswith("/")):
-            ctx.at(
-                where, f"{where.brief()!r} names no file", "write a name such as results/study.nc"
-            )
-        given["path"] = path
-    if (node := fields["quantities"]) and "section_force" in (given["quantities"] or ()):
+            remedy = "write a name such as results/study.nc"
+            ctx.at(node, f"{node.brief()!r} names no file", remedy)
+        values["path"] = path
+    if (node := fields["quantities"]) and "section_force" in (values["quantities"] or ()):
         _check_section(ctx, node, reader)
     ctx.sound()
-    return OutputPlan(**given, probes=_probes(ctx, fields["probes"], reader))
+    return OutputPlan(**values, probes=_probes(ctx, fields["probes"], reader))
 
 
 def _check_section(ctx: Context, node: Node, reader: SceneReader) -> None:
-    """Sections are cut across one straight contact line; that of a body from a file shows on its
-    mesh."""
+    """Record a contact line that is not one straight line, across which sections are cut.
+
+    The contact line of a body from a file is checked on its mesh.
+    """
     if reader.body is None or reader.body.outline is None or not reader.scenes:
         return
     edges = [edge for edge in reader.body.edges if edge.name in reader.scenes[0].edges(Contact)]
-    along = np.array([np.subtract(edge.end, edge.start) for edge in edges])
-    along /= np.hypot(*along.T)[:, None]
-    bends = (
-        any(edge.through for edge in edges)
-        or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT
-    )
-    gaps = len({edge.start for edge in edges} - {edge.end for edge in edges}) > 1
-    if bends or gaps:
-        what = (
-            f"section_force: the contact line {'is not straight' if bends else 'has several parts'}"
-        )
-        ctx.at(
-            node,
-            f"{what}, and no one section lies across it",
-            "remove it; forces gives those of edges",
-        )
+    directions = np.array([np.subtract(edge.end, edge.start) for edge in edges])
+    directions /= np.hypot(*directions.T)[:, None]
+    normal = [directions[0, 1], -directions[0, 0]]
+    has_arc = any(edge.through for edge in edges)
+    has_bend = has_arc or np.abs(directions @ normal).max() > MAX_BEND
+    has_gap = len({edge.start for edge in edges} - {edge.end for edge in edges}) > 1
+    if has_bend or has_gap:
+        form = "is not straight" if has_bend else "has several parts"
+        fault = f"section_force: the contact line {form}, and no one section lies across it"
+        ctx.at(node, fault, "remove it; forces gives those of edges")
 
 
 def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe, ...]:
-    """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T
-    at probes."""
+    """Return the probes; a point outside the body is a fault.
+
+    Points of a body from a file are not checked, and have no u_T.
+    """
     if node is None:
         return ()
-    before, point, body = (
-        len(ctx.errors),
-        replace(rows("output")["probes"], kind="point"),
-        reader.body,
-    )
-    places = ctx.mapping(node, "names to points", "write {tip: [200 mm, 60 mm]}", named=True)
-    probes = [Probe(name, ctx.value(place, point)) for name, place in places.items()]
-    if body is None or body.outline is None or not reader.scenes or len(ctx.errors) > before:
-        return tuple(probes)
+    body = reader.body
+    fault_count = len(ctx.errors)
+    point_row = replace(rows("output")["probes"], kind="point")
+    items = ctx.mapping(node, "names to points", "write {tip: [200 mm, 60 mm]}", named=True)
+    probes = tuple(Probe(name, ctx.value(item, point_row)) for name, item in items.items())
+    if body is None or body.outline is None or not reader.scenes or len(ctx.errors) > fault_count:
+        return probes
     import shapely
 
-    shape, contact = body_polygon(body), reader.scenes[0].edges(Contact)
-    found = []
+    shape = body_polygon(body)
+    contact = reader.scenes[0].edges(Contact)
+    placed = list[Probe]()
     for probe in probes:
-        away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]
-        on = [
-            edge
-            for edge, distance in zip(body.edges, away, strict=True)
-            if distance <= NEAR * body_size(body)
-        ]
-        if not on and not shape.covers(shapely.Point(probe.at)):
-            what = f"the point ({probe.at[0]:g}, {probe.at[1]:g}) is {min(away):g} outside the body"
-            ctx.at(places[probe.name], what, "give a point of the body")
-        found.append(replace(probe, on_contact=any(edge.name in contact for edge in on)))
-    return tuple(found)
+        distances = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]
+        pairs = zip(body.edges, distances, strict=True)
+        names = [edge.name for edge, d in pairs if d <= MAX_EDGE_DISTANCE * body_size(body)]
+        if not names and not shape.covers(shapely.Point(probe.at)):
+            x, y = probe.at
+            fault = f"the point ({x:g}, {y:g}) is {min(distances):g} outside the body"
+            ctx.at(items[probe.name], fault, "give a point of the body")
+        placed.append(replace(probe, on_contact=any(name in contact for name in names)))
+    return tuple(placed)

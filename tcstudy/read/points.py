@@ -74,8 +74,8 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
         return "", []
     n_cells = text.count(",") + text.count("\n") + 1
     if n_cells > MAX_CELLS:
-        what = f"{path} has about {n_cells} values; at most {MAX_CELLS} are read"
-        ctx.at(node, what, "use fewer lines, or several studies, whose files xarray joins")
+        fault = f"{path} has about {n_cells} values; at most {MAX_CELLS} are read"
+        ctx.at(node, fault, "use fewer lines, or several studies, whose files xarray joins")
         return "", []
     lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
     if len(ctx.errors) == before:
@@ -97,8 +97,8 @@ def _check_table(ctx: Context, node: Node, path: Path, lines: list[tuple[Node, .
         marks = {"semicolons": ";", "tabs": "\t"}
         separators = [name for name, mark in marks.items() if mark in words[0]]
     if separators:
-        what = f"columns are separated by {separators[0]}"
-        ctx.at(heads[0], what, "write commas, and a point in decimals")
+        fault = f"columns are separated by {separators[0]}"
+        ctx.at(heads[0], fault, "write commas, and a point in decimals")
     elif words and all(re.fullmatch(NUMBER, word) for word in words):
         remedy = "write a name and its unit over each column, as u_x [mm]"
         ctx.at(heads[0], "the table has no headings", remedy)
@@ -106,14 +106,14 @@ def _check_table(ctx: Context, node: Node, path: Path, lines: list[tuple[Node, .
         remedy = "write a heading for each column and a line for each point"
         ctx.at(node, f"{path} has no data", remedy)
     elif repeated:
-        what = f"the heading {words[repeated[0]]!r} stands twice"
-        ctx.at(heads[repeated[0]], what, "give every column its own heading")
+        fault = f"the heading {words[repeated[0]]!r} stands twice"
+        ctx.at(heads[repeated[0]], fault, "give every column its own heading")
     elif uneven:
-        what = f"has {len(uneven[0])} entries, but the header {len(heads)}"
+        fault = f"has {len(uneven[0])} entries, but the header {len(heads)}"
         if len(uneven) > 1:
-            what += f", and {len(uneven) - 1} other lines likewise"
+            fault += f", and {len(uneven) - 1} other lines likewise"
         remedy = "give every column a value; decimals have a point, columns a comma"
-        ctx.at(uneven[0][-1], what, remedy)
+        ctx.at(uneven[0][-1], fault, remedy)
 
 
 def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
@@ -126,8 +126,8 @@ def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]
             match = CELL.match(line, position)
             if match is None:
                 mark = Mark(file, number, position + 1)
-                what = "a quote is not where a text begins or ends"
-                ctx.errors.at_mark(mark, "", what, 'write "..." around a text')
+                fault = "a quote is not where a text begins or ends"
+                ctx.errors.at_mark(mark, "", fault, 'write "..." around a text')
                 break
             quoted, bare, end = match.groups()
             if quoted is None:
@@ -173,8 +173,8 @@ def read_design(ctx: Context, node: Node, mode: str, d: int) -> Design:
     n_points = ctx.integer(points, 1, MAX_POINTS)
     first_seed = ctx.value(seed, row("sweep", "seed")) if seed else 0
     if count(mode, n_points, d) > MAX_POINTS:
-        what = f"{n_points} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
-        ctx.at(points, what, "draw fewer points, or leave parameters out")
+        fault = f"{n_points} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
+        ctx.at(points, fault, "draw fewer points, or leave parameters out")
     return Design(mode, n_points, first_seed)
 
 
@@ -194,9 +194,9 @@ def read_correlation(
         paths = [path_of(name.strip()) for name in key.split(",")]
         pair = [places.get(path, places.get(("parameters", *path), -1)) for path in paths]
         if len(pair) != 2 or pair[0] == pair[1] or -1 in pair:
-            what = f"{key!r} is no pair of drawn parameters"
+            fault = f"{key!r} is no pair of drawn parameters"
             names = ", ".join(path[-1] for path in places)
-            ctx.at(item, what, f"name two of {names}", on_key=True)
+            ctx.at(item, fault, f"name two of {names}", on_key=True)
         elif not -1.0 < rho < 1.0:
             ctx.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
         else:
@@ -206,11 +206,11 @@ def read_correlation(
     if not pairs or node is None:
         return R
     if mode == SALTELLI:
-        what = f"mode: {SALTELLI} takes its parameters as independent"
-        ctx.at(node, what, "use mode: sobol or random")
+        fault = f"mode: {SALTELLI} takes its parameters as independent"
+        ctx.at(node, fault, "use mode: sobol or random")
     elif np.linalg.eigvalsh(R)[0] <= 0.0:
-        what = "no parameters can be correlated like this: the matrix is not positive definite"
-        ctx.at(node, what, "bring the numbers nearer to 0")
+        fault = "no parameters can be correlated like this: the matrix is not positive definite"
+        ctx.at(node, fault, "bring the numbers nearer to 0")
     return R
 
 
@@ -232,7 +232,8 @@ def _distribution(ctx: Context, item: Node, kind: str, dimension: Dimension) -> 
     ctx.sound()
     distribution = Distribution(kind, tuple(zip(names, numbers, strict=True)))
     if not distribution.is_sound:
-        remedy = "its ends grow, those of a logarithm, sigma and a median are above 0, a mode is between ends"
+        positive = "those of a logarithm, sigma and a median are above 0"
+        remedy = f"its ends grow, {positive}, a mode is between ends"
         ctx.at(item, f"{distribution} is no distribution", remedy)
     return distribution
 
@@ -251,8 +252,8 @@ def read_distribution(
         example = "{uniform: [a, b]} or {choice: [a, b]}"
         if is_whole:
             example = f"{{NAME: {{{WHOLE[row_kind][0]}: ...}}, NAME: ...}}"
-        what = f"must be a distribution, but is {node.kind()}"
-        ctx.at(node, what, f"with mode: {mode} write {example}")
+        fault = f"must be a distribution, but is {node.kind()}"
+        ctx.at(node, fault, f"with mode: {mode} write {example}")
     else:
         kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
         ctx.sound()

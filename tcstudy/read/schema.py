@@ -1,9 +1,8 @@
-"""The JSON Schema of a study file, made from the table of keys: editors complete and check studies
-with it.
+"""The JSON Schema of a study file, with which editors complete and check studies.
 
-What the schema refuses the reader refuses as well; the reader finds much more (units, expressions,
-geometry, what contradicts what, keys that a sweep or derived loads could supply, names of what is
-swept).
+It is made from the table of keys. The reader refuses all that the schema refuses, and much more:
+units, expressions, geometry, contradictions, keys that a sweep or derived loads could supply, names
+of swept parameters.
 """
 
 from __future__ import annotations
@@ -25,79 +24,92 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
-ONE_OF = ("hole", "region")
+SINGLE_KEY_SECTIONS = ("hole", "region")
 """Sections that hold one of their keys."""
-LISTS_OR_ONE_TEXT: Schema = {"type": "string", "pattern": r"\S"}
+TEXTS: Schema = {"type": "string", "pattern": r"\S"}
 VALUE: Schema = {"type": ["number", "string"]}
-"""A number, or a text with its unit or an expression, which the reader judges."""
+"""A number, or a text with its unit or an expression, which the reader checks."""
 
 
 def schema_text() -> str:
-    """The schema as a file."""
+    """Return the schema as the text of a file."""
     return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def schema() -> Schema:
-    """The whole schema (draft 2020-12)."""
-    known = list(rows("").values())
-    for one in known:  # which grows by the rows of the sections that it names
-        known += [
-            row
-            for name in one.of
-            if name != "point"
-            for row in rows(name).values()
-            if row not in known
-        ]
-    sections = dict.fromkeys(name for one in known for name in one.of)
-    made = {section: _section(section) for section in (*sections, "goal") if section != "point"}
-    made["boundary"] |= {
-        "allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]
-    }
-    laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
-    made["friction"] |= {
-        "allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]
-    }
-    made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
-    words = dict.fromkeys(
-        (*SHORT.values(), *(f"friction.{key}" for key in rows("friction")), "material", *SHORT)
-    )
-    swept = {
-        word: {"description": found.meaning}
-        for word in words
-        if (found := swept_row(path_of(word)))
-    }
-    made["point"] = {"type": "object", "properties": swept, "minProperties": 1}
-    made["sweep"]["properties"] |= swept
-    made["sweep"]["additionalProperties"] = {"type": ["array", "object", "number", "string"]}
-    made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
-    supplied = {
-        "anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]
-    }  # which may have the other sections
-    needed = {"required": [one.name for one in rows("").values() if one.required]}
-    whole = _section("", ("body", "boundary")) | {"if": supplied, "else": needed}
-    return {"$schema": DRAFT, "title": TITLE, **whole, "$defs": made}
+    """Return the whole schema (draft 2020-12)."""
+    definitions = {section: _section(section) for section in _sections()}
+    roles = row("boundary", "role").words
+    laws = {law: tuple(key.name for key in law_rows(law)) for law in SHAPES}
+    definitions["boundary"]["allOf"] = [_takes("role", role, of_role(role)) for role in roles]
+    definitions["friction"]["allOf"] = [
+        _takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()
+    ]
+    shapes = ("outline", "rectangle", "file")
+    definitions["body"]["oneOf"] = [{"required": [name]} for name in shapes]
+    swept = _swept_properties()
+    definitions["point"] = {"type": "object", "properties": swept, "minProperties": 1}
+    definitions["sweep"]["properties"] |= swept
+    values = {"type": ["array", "object", "number", "string"]}
+    definitions["sweep"]["additionalProperties"] = values
+    definitions["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
+    # a sweep or derived loads may supply the other sections
+    supplied = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}
+    required = {"required": [key.name for key in rows("").values() if key.required]}
+    study = _section("", ("body", "boundary")) | {"if": supplied, "else": required}
+    return {"$schema": DRAFT, "title": TITLE, **study, "$defs": definitions}
+
+
+def _sections() -> list[str]:
+    """Return the names of the sections that keys of the study refer to, but "point"."""
+    keys = list(rows("").values())
+    for key in keys:  # which grows by the keys of the sections that it refers to
+        for name in key.of:
+            if name != "point":
+                keys += [inner for inner in rows(name).values() if inner not in keys]
+    names = dict.fromkeys(name for key in keys for name in key.of)
+    return [name for name in (*names, "goal") if name != "point"]
+
+
+def _swept_properties() -> dict[str, Schema]:
+    """Return the names of parameters that a sweep may vary, with their meaning."""
+    laws = (f"friction.{key}" for key in rows("friction"))
+    words = dict.fromkeys((*SHORT.values(), *laws, "material", *SHORT))
+    swept = dict[str, Schema]()
+    for word in words:
+        key = swept_row(path_of(word))
+        if key:
+            swept[word] = {"description": key.meaning}
+    return swept
 
 
 def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
-    known = rows(section).values()
+    keys = rows(section).values()
     if required is None:
-        required = tuple(one.name for one in known if one.required and not one.swept)
-    made: Schema = {"type": "object", "properties": {one.name: _described(one) for one in known}}
-    made |= {"required": list(required)} if required else {}
-    made |= {"additionalProperties": False}
-    return made | ({"minProperties": 1, "maxProperties": 1} if section in ONE_OF else {})
+        required = tuple(key.name for key in keys if key.required and not key.swept)
+    properties = {key.name: _described(key) for key in keys}
+    definition: Schema = {"type": "object", "properties": properties}
+    if required:
+        definition["required"] = list(required)
+    definition["additionalProperties"] = False
+    if section in SINGLE_KEY_SECTIONS:
+        definition |= {"minProperties": 1, "maxProperties": 1}
+    return definition
 
 
 def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
-    given = {"properties": {key: {"const": word}}, "required": [key]}
-    return {"if": given, "then": {"propertyNames": {"enum": [key, *names]}}}
+    """Return that a section with this word takes these names beside the key of the word."""
+    condition = {"properties": {key: {"const": word}}, "required": [key]}
+    return {"if": condition, "then": {"propertyNames": {"enum": [key, *names]}}}
 
 
-def _described(one: Key) -> Schema:
-    unit = f" [{one.dimension.si}]" if one.dimension != NONE else ""
-    example = f", for example {one.suggestion}" if one.suggestion != "..." else ""
-    said = {"description": f"{one.meaning}{unit}{example}".lstrip(", ")}
-    return said | ({} if one.default is None else {"default": one.default}) | _fragment(one)
+def _described(key: Key) -> Schema:
+    unit = f" [{key.dimension.si}]" if key.dimension != NONE else ""
+    example = f", for example {key.suggestion}" if key.suggestion != "..." else ""
+    description: Schema = {"description": f"{key.meaning}{unit}{example}".lstrip(", ")}
+    if key.default is not None:
+        description["default"] = key.default
+    return description | _fragment(key)
 
 
 def _ref(section: str) -> Schema:
@@ -105,89 +117,93 @@ def _ref(section: str) -> Schema:
 
 
 def _list(items: Schema, least: int = 0, most: int | None = None) -> Schema:
-    return {
-        "type": "array",
-        "items": items,
-        "minItems": least,
-        **({} if most is None else {"maxItems": most}),
-    }
+    definition: Schema = {"type": "array", "items": items, "minItems": least}
+    if most is not None:
+        definition["maxItems"] = most
+    return definition
 
 
-def _named(items: Schema, **more: object) -> Schema:
-    return {
-        "type": "object",
-        "propertyNames": {"pattern": NAME},
-        "additionalProperties": items,
-        **more,
-    }
+def _named(items: Schema, **options: object) -> Schema:
+    names = {"pattern": NAME}
+    return {"type": "object", "propertyNames": names, "additionalProperties": items, **options}
 
 
 def _by_path(items: Schema) -> Schema:
     return {"type": "object", "minProperties": 1, "additionalProperties": items}
 
 
-def _number(one: Key) -> Schema:
+def _number(key: Key) -> Schema:
     bounds = {
-        "minimum": one.least,
-        "exclusiveMinimum": one.above,
-        "maximum": one.most,
-        "exclusiveMaximum": one.below,
+        "minimum": key.least,
+        "exclusiveMinimum": key.above,
+        "maximum": key.most,
+        "exclusiveMaximum": key.below,
     }
-    number, kind = (int, {"type": "integer"}) if one.kind == "integer" else (float, VALUE)
-    return kind | {name: number(bound) for name, bound in bounds.items() if bound is not None}
+    is_integer = key.kind == "integer"
+    definition: Schema = {"type": "integer"} if is_integer else dict(VALUE)
+    for name, bound in bounds.items():
+        if bound is not None:
+            definition[name] = int(bound) if is_integer else float(bound)
+    return definition
 
 
-def _sub_section(one: Key) -> Schema:
-    inner = _ref(one.of[0])
-    return {"anyOf": [_fragment(row(one.of[0], one.short)), inner]} if one.short else inner
+def _sub_section(key: Key) -> Schema:
+    section = _ref(key.of[0])
+    return {"anyOf": [_fragment(row(key.of[0], key.short)), section]} if key.short else section
 
 
-def _fragment(one: Key) -> Schema:
-    kind = one.kind
+def _fragment(key: Key) -> Schema:
+    kind = key.kind
     if kind in PAIRS:
-        pair = _list(_fragment(replace(one, kind=PAIRS[kind][0])), 2, 2)
-        return (
-            {"anyOf": [{"const": "derived"}, pair]} if kind in ("vector", "displacement") else pair
-        )
+        pair = _list(_fragment(replace(key, kind=PAIRS[kind][0])), 2, 2)
+        is_derivable = kind in ("vector", "displacement")
+        return {"anyOf": [{"const": "derived"}, pair]} if is_derivable else pair
     if kind in LISTS:
-        return _list(_fragment(replace(one, kind=LISTS[kind][0])), int(one.least or LISTS[kind][2]))
+        inner, _, least = LISTS[kind]
+        return _list(_fragment(replace(key, kind=inner)), int(key.least or least))
     if kind in LISTS_OR_ONE:
-        item = _fragment(replace(one, kind=LISTS_OR_ONE[kind][0]))
-        return {"anyOf": [item, _list(item, LISTS_OR_ONE[kind][2])]}
-    return FRAGMENTS[kind](one)
+        inner, _, least = LISTS_OR_ONE[kind]
+        item = _fragment(replace(key, kind=inner))
+        return {"anyOf": [item, _list(item, least)]}
+    return FRAGMENTS[kind](key)
+
+
+def _choice(key: Key) -> Schema:
+    return {"enum": list(key.words)}
+
+
+def _goal() -> Schema:
+    words = [word for word in get_args(Quantity) if word != "u_T"]
+    return {"anyOf": [{"enum": [*words, PROVED]}, _ref("goal")]}
+
+
+def _sweep_points(key: Key) -> Schema:
+    count = {"type": "integer", "minimum": 1}
+    return {"anyOf": [_list(_sub_section(key), 1), count, TEXTS]}
 
 
 LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     **dict.fromkeys(NUMBERS, _number),
-    "flag": lambda one: {"type": "boolean"},
-    "text": lambda one: LISTS_OR_ONE_TEXT,
-    "name": lambda one: {"type": "string", "pattern": NAME},
-    "choice": lambda one: {"enum": list(one.words)},
-    "choice by edge": lambda one: {
-        "anyOf": [{"enum": list(one.words)}, _named({"enum": list(one.words)})]
-    },
-    "quantity": lambda one: VALUE,
-    "named places": lambda one: _named(_list(VALUE, 2, 2), minProperties=1),
-    "named points": lambda one: _named(_list(_list(VALUE, 2, 2), 1)),
+    "flag": lambda key: {"type": "boolean"},
+    "text": lambda key: TEXTS,
+    "name": lambda key: {"type": "string", "pattern": NAME},
+    "choice": _choice,
+    "choice by edge": lambda key: {"anyOf": [_choice(key), _named(_choice(key))]},
+    "quantity": lambda key: VALUE,
+    "named places": lambda key: _named(_list(VALUE, 2, 2), minProperties=1),
+    "named points": lambda key: _named(_list(_list(VALUE, 2, 2), 1)),
     "section": _sub_section,
-    "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),
-    "named sections": lambda one: _named(_sub_section(one)),
-    "names": lambda one: {"anyOf": [LISTS_OR_ONE_TEXT, _list(LISTS_OR_ONE_TEXT, 1)]},
-    "goal": lambda one: {
-        "anyOf": [
-            {"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]},
-            _ref("goal"),
-        ]
-    },
-    "law": lambda one: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
-    "material": lambda one: _ref("material"),
-    "sweep points": lambda one: {
-        "anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, LISTS_OR_ONE_TEXT]
-    },
-    "named numbers": lambda one: _named(VALUE, minProperties=1),
-    "named quantities": lambda one: {"anyOf": [_by_path(VALUE), {"const": "estimate"}]},
-    "named texts": lambda one: _by_path(LISTS_OR_ONE_TEXT),
-    "fitted numbers": lambda one: _by_path(_sub_section(one)),
+    "sections": lambda key: _list(_sub_section(key), int(key.least or 0)),
+    "named sections": lambda key: _named(_sub_section(key)),
+    "names": lambda key: {"anyOf": [TEXTS, _list(TEXTS, 1)]},
+    "goal": lambda key: _goal(),
+    "law": lambda key: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
+    "material": lambda key: _ref("material"),
+    "sweep points": _sweep_points,
+    "named numbers": lambda key: _named(VALUE, minProperties=1),
+    "named quantities": lambda key: {"anyOf": [_by_path(VALUE), {"const": "estimate"}]},
+    "named texts": lambda key: _by_path(TEXTS),
+    "fitted numbers": lambda key: _by_path(_sub_section(key)),
 }
-"""What each kind of key may hold that is no pair or list of others."""
+"""Contents of a key by its kind, except for pairs and lists."""

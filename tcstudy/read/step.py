@@ -52,9 +52,9 @@ CONVERSION = re.compile(rb"CONVERSION_BASED_UNIT\((?:[^,']*,)?'[^']*',#(\d+)\)")
 MEASURE = re.compile(rb"LENGTH_MEASURE\(([^()]*)\),#(\d+)\)")
 
 
-def same_unit(one: float, other: float) -> bool:
+def same_unit(length: float, reference: float) -> bool:
     """Return whether two lengths [m] are one unit."""
-    return abs(one - other) <= SAME_UNIT * other
+    return abs(length - reference) <= SAME_UNIT * reference
 
 
 def unit_name(metres: float) -> str:
@@ -96,7 +96,7 @@ def length_units(content: bytes) -> tuple[float, ...]:
             assigned |= dict.fromkeys(REFERENCE.findall(references))
     units = list[float]()
     for metres in _lengths(entities, assigned):
-        if not any(same_unit(metres, known) for known in units):
+        if not any(same_unit(metres, unit) for unit in units):
             units.append(metres)
     return tuple(units)
 

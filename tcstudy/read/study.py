@@ -1,14 +1,14 @@
-"""A study file to a Study: every number of every sweep point checked, all faults reported at once.
+"""Reading a study file: every number of every sweep point checked, all faults reported at once.
 
-Where a sweep varies numbers of the body or of the meshes there is one study for each geometry: the
-study with the swept numbers put into `body`, `mesh` or `parameters`, read by the same code as any
-other. What is wrong with its shape, or with its element size for it, refuses its points with the
-reason, since the other geometries are sound; every other fault is one of the study.
+Where a sweep varies numbers of the body or of the meshes there is one study for each geometry. It
+is the study with the swept numbers put into `body`, `mesh` or `parameters`, read by the same code
+as any other. A fault of its shape, or of its element size, refuses its points with the reason,
+since the other geometries are sound. Every other fault is a fault of the study.
 
 `exact.loads: derived`: loads that follow from the exact solution are left out of the study, which
-is read with 0 in their places, and put into its scenes. What is given although it would be derived,
-in the study or in its sweep, is a fault. The word `derived` may stand in the place of a load; where
-an edge is held in one component only it must: {role: clamped, u_x: derived}.
+is read with 0 in their places, and put into its scenes. A load that is given or swept although it
+would be derived is a fault. The word `derived` may stand in the place of a load. It must where an
+edge is held in one component only: {role: clamped, u_x: derived}.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -56,28 +56,30 @@ REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 def read_study(
     path: str | Path, overrides: Sequence[str] = (), *, swept: bool | None = True
 ) -> Study:
-    """The study in a file, with `--set` options key=value put in; raises StudyError with all its
-    problems.
+    """Return the study in a file, with `--set` options key=value put in.
 
     swept: whether the sweep is used, so that an option for a swept key would be lost; None: unless
-    the study is run as a path, which is of the scene outside it
+           the study is run as a path, which is of the scene outside the sweep
+    Raises StudyError with all faults.
     """
     path = Path(path)
     return read_study_text(load_text(path), str(path), overrides, path, swept=swept)
 
 
 def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
-    """The body of a study that has faults, unjudged; None where it cannot be read either."""
-    ctx, root = _begun(load_text(path), str(path), overrides, path)
-    if not isinstance(root.value, Mapping) or (node := root.at("body")) is None:
+    """Return the body of a study that has faults, unchecked; None if it cannot be read either."""
+    ctx, root = _root(load_text(path), str(path), overrides, path)
+    node = root.at("body") if isinstance(root.value, Mapping) else None
+    if node is None:
         return None
     ctx.named = read_parameters(ctx, root.at("parameters"))
     return read_body(ctx, node)[0]
 
 
-def _begun(
+def _root(
     text: str, name: str, overrides: Sequence[str], source: Path | None
 ) -> tuple[Context, Node]:
+    """Return the context and the root of a study, with its options put in."""
     ctx = Context(Collector(), folder=source.parent if source else Path())
     root = apply_overrides(compose(text, name, ctx.errors), tuple(overrides), SHORT, ctx.errors)
     if units := root.at("units"):
@@ -94,70 +96,70 @@ def read_study_text(
     swept: bool | None = True,
     with_files: bool = True,
 ) -> Study:
-    """The study in a text, called `name` in messages; raises StudyError with all its problems.
+    """Return the study in a text, called `name` in messages.
 
-    source: the file that the text was read from, if any: other files are sought beside it;  swept: as of `read_study`
-    with_files: whether the file of a body must be there; a study in a result file is read without it
+    source:     file of the text, if any: other files are sought beside it
+    swept:      as of `read_study`
+    with_files: whether the file of a body must be there; a study in a result file is read without
+    Raises StudyError with all faults.
     """
     overrides = tuple(overrides)
-    ctx, root = _begun(text, name, overrides, source)
+    ctx, root = _root(text, name, overrides, source)
     ctx.with_files = with_files
     if not isinstance(root.value, Mapping):
-        ctx.at(
-            root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml"
-        )
+        fault = f"a study is a mapping, but this is {root.kind()}"
+        ctx.at(root, fault, "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
-    words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.at(key))}
-    header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
-    before = len(ctx.errors)
+    header: dict[str, Any] = {"title": source.stem if source else name}
+    for key in ("title", "institution"):
+        if node := root.at(key):
+            header[key] = ctx.text(node)
+    header |= {"text": text, "source": source}
+    fault_count = len(ctx.errors)
     ctx.named = read_parameters(ctx, root.at("parameters"))
-    if len(ctx.errors) > before and not ctx.named:  # every use of a name would be one fault more
+    # without names every use of one would be a further fault
+    if len(ctx.errors) > fault_count and not ctx.named:
         raise StudyError(ctx.errors.problems)
     if swept is None:
         swept = not root.at("path") or bool(root.at("history") or root.at("fit"))
     sweep = read_sweep(ctx, root, swept)
-    said = (
-        with_sweep(overrides, sweep.mode, sweep.records(ctx.units)) if sweep.tabled else overrides
-    )
+    options = overrides
+    if sweep.tabled:
+        options = with_sweep(overrides, sweep.mode, sweep.records(ctx.units))
     if sweep.axes and geometric(root, sweep):
-        return read_variants(ctx, root, sweep, overrides, said, partial(_one_body, header))
-    study = _one_body(header, ctx, root, sweep, said)
+        return read_variants(ctx, root, sweep, overrides, options, partial(_one_body, header))
+    study = _one_body(header, ctx, root, sweep, options)
     if root.at("fit", "tests") is None:
         return study
-    return read_tests(
-        ctx,
-        root,
-        study,
-        lambda options: read_study_text(text, name, options, source, with_files=with_files),
-    )
+
+    def read_test(test_options: Sequence[str]) -> Study:
+        return read_study_text(text, name, test_options, source, with_files=with_files)
+
+    return read_tests(ctx, root, study, read_test)
 
 
 def _one_body(
-    header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]
+    header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, options: tuple[str, ...]
 ) -> Study:
-    """The study of one body and its meshes. said: options that make the text this study."""
-    root = with_swept_keys(without_loads(ctx, root, sweep) if root.at("exact") else root, sweep)
+    """Return the study of one body and its meshes. options: that make the text this study"""
+    if root.at("exact"):
+        root = without_loads(ctx, root, sweep)
+    root = with_swept_keys(root, sweep)
     Fields(ctx, root, "", REQUIRED)
-    memory = root.at("history", "memory")
-    loose = memory is not None and all(
-        one.value == "friction" for one in memory.children.values() or (memory,)
-    )
-    reader = SceneReader(ctx, root, sweep, loose=loose)
+    reader = SceneReader(ctx, root, sweep, loose=_has_friction_memory(root))
     reader.read()
     ctx.errors.point = ""
-    mesh, solver, output = (
-        read_mesh(ctx, reader),
-        read_solver(ctx, root.at("solver")),
-        read_output(ctx, reader),
-    )
+    mesh = read_mesh(ctx, reader)
+    solver = read_solver(ctx, root.at("solver"))
+    output = read_output(ctx, reader)
     path = read_path(ctx, reader, mesh) if root.at("path") else None
     exact = read_exact(ctx, reader) if root.at("exact") else None
     history = read_history(ctx, reader, mesh) if reader.scenes and root.at("history") else None
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
         output = replace(output, sensitivity=read_sensitivity(ctx, node, reader, exact, history))
-    fit = (
-        read_fit(ctx, reader, mesh, history) if not ctx.errors.problems and root.at("fit") else None
-    )
+    fit = None
+    if root.at("fit") and not ctx.errors.problems:
+        fit = read_fit(ctx, reader, mesh, history)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (output and output.live):
@@ -167,42 +169,77 @@ def _one_body(
         scenes = derived_scenes(ctx, reader, exact, reader.body)
     if ctx.errors.problems or mesh is None or solver is None or output is None:
         raise StudyError(ctx.errors.problems)
-    axes = sweep.records(ctx.units) if sweep.axes else ()
-    sweep_said = {"mode": sweep.mode, "axes": axes, "design": sweep.design, "overrides": said}
-    plans = {
-        "mesh": mesh,
-        "solver": solver,
-        "output": output,
-        "exact": exact,
-        "path": path,
-        "history": history,
-    }
-    return Study(**header | sweep_said | plans, fit=fit, scenes=scenes, units=ctx.units)
+    return Study(
+        **header,
+        mode=sweep.mode,
+        axes=sweep.records(ctx.units) if sweep.axes else (),
+        design=sweep.design,
+        overrides=options,
+        mesh=mesh,
+        solver=solver,
+        output=output,
+        exact=exact,
+        path=path,
+        history=history,
+        fit=fit,
+        scenes=scenes,
+        units=ctx.units,
+    )
+
+
+def _has_friction_memory(root: Node) -> bool:
+    """Return whether every contact edge of a history has the memory `friction`."""
+    memory = root.at("history", "memory")
+    if memory is None:
+        return False
+    words = memory.children.values() or (memory,)
+    return all(word.value == "friction" for word in words)
 
 
 def _check_keys(ctx: Context, root: Node, names: Iterable[str]) -> None:
-    """Record what is wrong with sections that need a scene by their keys alone, and by values that
-    need none; what their readers recorded is not repeated."""
+    """Record faults of sections that can be found without a scene: of keys and plain values.
+
+    Faults that their readers recorded are not repeated.
+    """
     for name in names:
-        if (node := root.at(name)) is not None:
-            plain = [key for key, one in rows(name).items() if one.kind in PLAIN_KINDS]
+        node = root.at(name)
+        if node is not None:
+            plain = [key for key, row in rows(name).items() if row.kind in PLAIN_KINDS]
             Fields(ctx, node, name).given(plain)
 
 
 PLAIN_KINDS = ("integer", "choice", "flag")
-"""Kinds of keys whose values are judged by themselves."""
+"""Kinds of keys whose values are checked without other values."""
 
 
 def geometric(root: Node, sweep: Sweep) -> list[int]:
-    """The axes that change the body or its meshes: numbers of these sections, and names that they
-    use."""
+    """Return the axes that change the body or its meshes.
+
+    They are numbers of these sections, and names that the sections use.
+    """
     sections = [node for name in GEOMETRIC if (node := root.at(name)) is not None]
 
-    def moves(path: tuple[str, ...]) -> bool:
+    def changes_geometry(path: tuple[str, ...]) -> bool:
         names = users(root, path[-1]) if path[0] == "parameters" else ()
         return path[0] in GEOMETRIC or any(words_in(node, names) for node in sections)
 
-    return [i for i, axis in enumerate(sweep.axes) if moves(axis.path)]
+    return [i for i, axis in enumerate(sweep.axes) if changes_geometry(axis.path)]
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """A geometry of a sweep before it is read.
+
+    variant: without its study
+    root:    the study with the numbers of the geometry put in
+    sweep:   the axes that do not change the geometry
+    options: with which the text of the whole study is that of this geometry
+    """
+
+    variant: Variant
+    root: Node
+    sweep: Sweep
+    options: tuple[str, ...]
 
 
 def read_variants(
@@ -210,201 +247,234 @@ def read_variants(
     root: Node,
     sweep: Sweep,
     overrides: tuple[str, ...],
-    said: tuple[str, ...],
+    options: tuple[str, ...],
     read: Callable[..., Study],
 ) -> Study:
-    """The study of all geometries; a refused one has the scenes of the first that is not.
-    said: options that make the text this study;  read: (ctx, root, sweep, said) → Study, for one geometry
-    Raises StudyError with the faults of the first geometry that has some, or if all are refused."""
-    outer, variants = geometric(root, sweep), list[Variant]()
+    """Return the study of all geometries; a refused one has the scenes of the first sound one.
 
-    def of(
-        one: Variant, root: Node, rest: Sweep, said: tuple[str, ...]
-    ) -> tuple[Variant, tuple[Problem, ...]]:
-        """A geometry with its study, or with why it is refused; and what else is wrong with it."""
-        inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
-        inner.named = read_parameters(inner, root.at("parameters"))
-        refused = inner.errors.refused = []
-        try:
-            study = read(inner, root, rest, said)
-            return replace(one, study=None if refused else study, reason=(refused or [""])[0]), ()
-        except StudyError as error:
-            return replace(one, reason=(refused or [""])[0]), () if refused else error.problems
-
+    options: that make the text this study
+    read:    (ctx, root, sweep, options) → Study, for one geometry
+    Raises StudyError with the faults of the first faulty geometry, or if all are refused.
+    """
+    outer = geometric(root, sweep)
     geometries = list(_geometries(ctx, root, sweep, outer, overrides))
-    for number, one in enumerate(geometries):
-        made, problems = of(*one)
-        if problems:  # those that the first or the last has as well are of the study
-            others = {
-                p for at in {0, len(geometries) - 1} - {number} for p in of(*geometries[at])[1]
-            }
-            own = [p if p in others or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
-                   for p in problems]  # fmt: skip
-            raise StudyError([*ctx.errors.problems, *own])
-        variants.append(made)
-    first = next((one.study for one in variants if one.study is not None), None)
-    if first is None:
-        what = f"no geometry of the sweep can be made ({variants[0].words}: {variants[0].reason})"
-        ctx.at(sweep.axes[outer[0]].node, what, "sweep over others", on_key=True)
-    elif first.mesh.open_ended:
-        what = "changes the body or its meshes, and with a tolerance or adaptive meshes each would end on another level"
+    variants = list[Variant]()
+    for number, geometry in enumerate(geometries):
+        variant, problems = _read_geometry(ctx, geometry, read)
+        if problems:
+            # problems that the first or the last geometry has as well are of the study
+            shared = set[Problem]()
+            for end in {0, len(geometries) - 1} - {number}:
+                shared |= {*_read_geometry(ctx, geometries[end], read)[1]}
+            problems = tuple(_with_words(p, variant.words, shared) for p in problems)
+            raise StudyError([*ctx.errors.problems, *problems])
+        variants.append(variant)
+    sound = next((variant.study for variant in variants if variant.study is not None), None)
+    axis_node = sweep.axes[outer[0]].node
+    if sound is None:
+        reason = f"{variants[0].words}: {variants[0].reason}"
+        fault = f"no geometry of the sweep can be made ({reason})"
+        ctx.at(axis_node, fault, "sweep over others", on_key=True)
+    elif sound.mesh.open_ended:
+        condition = "with a tolerance or adaptive meshes each would end on another level"
+        fault = f"changes the body or its meshes, and {condition}"
         remedy = "use a uniform or graded family, or write one study for each geometry"
-        ctx.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
-    if first is None or ctx.errors.problems:
+        ctx.at(axis_node, fault, remedy, on_key=True)
+    if sound is None or ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
-    scenes = Scenes.joined([((one.study or first).scenes, one.places) for one in variants])
-    said_of_sweep = {
-        "axes": sweep.records(ctx.units),
-        "mode": sweep.mode,
-        "design": sweep.design,
-        "overrides": said,
-        "geometric": tuple(outer),
-    }
-    return replace(first, scenes=scenes, variants=tuple(variants), **said_of_sweep)  # type: ignore[arg-type]
+    return replace(
+        sound,
+        scenes=Scenes.joined([((v.study or sound).scenes, v.places) for v in variants]),
+        variants=tuple(variants),
+        axes=sweep.records(ctx.units),
+        mode=sweep.mode,
+        design=sweep.design,
+        overrides=options,
+        geometric=tuple(outer),
+    )
+
+
+def _read_geometry(
+    ctx: Context, geometry: _Geometry, read: Callable[..., Study]
+) -> tuple[Variant, tuple[Problem, ...]]:
+    """Return a geometry with its study, or with why it is refused; and its other problems."""
+    inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
+    inner.named = read_parameters(inner, geometry.root.at("parameters"))
+    refusals = inner.errors.refused = []
+    study: Study | None = None
+    problems: tuple[Problem, ...] = ()
+    try:
+        study = read(inner, geometry.root, geometry.sweep, geometry.options)
+    except StudyError as error:
+        problems = error.problems
+    if refusals:
+        return replace(geometry.variant, reason=refusals[0]), ()
+    return replace(geometry.variant, study=study, reason=""), problems
+
+
+def _with_words(problem: Problem, words: str, shared: set[Problem]) -> Problem:
+    """Return a problem with the words of its geometry, unless it is of the whole study."""
+    if problem in shared or problem.key.startswith("sweep"):
+        return problem
+    return replace(problem, what=f"{problem.what} (with {words})")
 
 
 def _geometries(
     ctx: Context, root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]
-) -> Iterator[tuple[Variant, Node, Sweep, tuple[str, ...]]]:
-    """The geometries of a sweep in order: each without its study, the text with its numbers put in,
-    what of the sweep is left, and the options with which the text of the whole study is that of
-    this geometry."""
-    axes, inner = (
-        [sweep.axes[i] for i in outer],
-        tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer),
-    )
-    found: dict[tuple[float | str, ...], list[int]] = {}
-    for k, at in enumerate(sweep.places[outer].T.tolist()):
-        found.setdefault(
-            tuple(axis.labels[j] for axis, j in zip(axes, at, strict=True)), []
-        ).append(k)
-    rest = replace(sweep, axes=inner)
-    said = with_sweep(overrides, sweep.mode, rest.records(ctx.units))
-    for places in found.values():
-        index = tuple(sweep.places[outer, places[0]].tolist())
+) -> Iterator[_Geometry]:
+    """Yield the geometries of a sweep in order. outer: the axes that change the geometry"""
+    outer_axes = [sweep.axes[i] for i in outer]
+    inner_axes = tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
+    places_by_labels: dict[tuple[float | str, ...], list[int]] = {}
+    for place, indices in enumerate(sweep.places[outer].T.tolist()):
+        pairs = zip(outer_axes, indices, strict=True)
+        labels = tuple(axis.labels[index] for axis, index in pairs)
+        places_by_labels.setdefault(labels, []).append(place)
+    inner_sweep = replace(sweep, axes=inner_axes)
+    sweep_options = with_sweep(overrides, sweep.mode, inner_sweep.records(ctx.units))
+    for places in places_by_labels.values():
         if sweep.mode == "list":
-            left = tuple(axis.at(places) for axis in inner)
-            rest = replace(
-                sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False
-            )
-            said = with_sweep(overrides, rest.mode, rest.records(ctx.units))
-        words, own, made = [], list(said), root
-        for axis, k in zip(axes, index, strict=True):
-            path, value = ".".join(axis.path), axis.values[k]
+            axes = tuple(axis.at(places) for axis in inner_axes)
+            mode: Literal["list", "grid"] = "list" if axes else "grid"
+            inner_sweep = replace(sweep, axes=axes, mode=mode, design=None, tabled=False)
+            sweep_options = with_sweep(overrides, mode, inner_sweep.records(ctx.units))
+        words = list[str]()
+        options = list(sweep_options)
+        geometry_root = root
+        for axis, index in zip(outer_axes, sweep.places[outer, places[0]].tolist(), strict=True):
+            value = axis.values[index]
+            path = ".".join(axis.path)
             words.append(f"{axis.key} = {value.brief()}")
-            own.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
-            with suppress(
-                KeyError
-            ):  # something else stands there, which the section's reader records
-                made = put(made, split_path(path) or (), value)
-        yield (
-            Variant(", ".join(words), np.array(places, dtype=np.intp), None),
-            made,
-            rest,
-            tuple(own),
-        )
+            options.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
+            # something else may stand there, which the section's reader records
+            with suppress(KeyError):
+                geometry_root = put(geometry_root, split_path(path) or (), value)
+        variant = Variant(", ".join(words), np.array(places, dtype=np.intp), None)
+        yield _Geometry(variant, geometry_root, inner_sweep, tuple(options))
 
 
 DERIVED = "derived"
-TRACTIONS = tuple(name for name in of_role("traction") if name != "heat")
-OF_HEAT = (*(row.name for row in rows("heat").values() if row.affine), "omega")
+TRACTION_KEYS = tuple(name for name in of_role("traction") if name != "heat")
+HEAT_KEYS = (*(row.name for row in rows("heat").values() if row.affine), "omega")
 """Keys of `heat` that are derived."""
 FOLLOWS = "exact.loads: derived makes it follow from the exact solution"
 REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 
 def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
-    """The study with 0 for all loads that will be derived; those that are given are recorded as
-    faults. A misspelt word asks for derived loads as well, so that it is the only fault."""
+    """Return the study with 0 for all loads that will be derived; loads that it gives are faults.
+
+    A misspelt word asks for derived loads as well, so that it is the only fault.
+    """
     word = root.at("exact", "loads")
     if word is None or word.value == "given" or not isinstance(root.value, Mapping):
         return root
-    if root.at("body", "file"):
-        what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
-        ctx.at(word, what, "give the loads, or describe the body by its outline")
-    if path := root.at("path"):
-        what = "a path changes a load, but loads: derived leaves none to change"
-        ctx.at(path, what, "remove path, or give the loads", on_key=True)
-    for axis in sweep.axes:
-        section, last = axis.path[0], axis.path[-1]
-        if section in ("boundary", "loads") or (section == "heat" and last in OF_HEAT):
-            remedy = "remove it from the sweep, or give the loads"
-            ctx.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
-
-    boundary, zero = root.at("boundary"), replace(word, value=0)
-    roles = (
-        {name: edge.nearest("role").value for name, edge in boundary.children.items()}
-        if boundary
-        else {}
-    )
-    zeros: dict[tuple[str, ...], Node] = {("heat", "theta_bar"): zero}
+    _check_derivable(ctx, root, sweep, word)
+    boundary = root.at("boundary")
+    edges = boundary.children if boundary else {}
+    roles = {name: edge.nearest("role").value for name, edge in edges.items()}
+    zero = replace(word, value=0)
+    zeros: dict[Place, Node] = {("heat", "theta_bar"): zero}
     zeros["loads", "f"] = replace(word, value=(zero, zero))
-    zeros |= {
-        ("boundary", name, "pressure"): zero for name, role in roles.items() if role == "traction"
-    }
-    if root.at("heat", "theta"):  # that it is given is the fault, not that alpha is not
+    derived: dict[Place, Place] = {("loads",): ("f",), ("heat",): HEAT_KEYS}
+    for name, role in roles.items():
+        derived["boundary", name] = COMPONENTS if role == "clamped" else TRACTION_KEYS
+        if role == "traction":
+            zeros["boundary", name, "pressure"] = zero
+    # with theta the fault is that it is given, not that alpha is missing
+    if root.at("heat", "theta"):
         zeros["heat", "alpha"] = replace(word, value=1)
-    derived: dict[Place, Place] = {("loads",): ("f",), ("heat",): OF_HEAT}
-    derived |= {
-        ("boundary", name): COMPONENTS if role == "clamped" else TRACTIONS
-        for name, role in roles.items()
-    }
-    for place, key in ((place, key) for place, keys in derived.items() for key in keys):
-        if (given := root.at(*place, key)) is None:
-            continue
-        held, parts = key in COMPONENTS, given.entries if key == "u" else (given,)
-        for part in parts:
-            if part.value != DERIVED and not (held and part.value == "free"):
-                ctx.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
-        none = tuple(part if part.value == "free" else replace(part, value=0) for part in parts)
-        new = replace(given, value=(none * 2)[:2]) if key == "u" else none[0]
-        root = put(root, (*place, key), new if held else None)
+    for place, keys in derived.items():
+        for key in keys:
+            root = _without_load(ctx, root, place, key)
     for place, number in zeros.items():
-        with suppress(KeyError):  # something else stands there, which the section's reader records
-            root = put(root, place, number) if root.at(place[0]) and not root.at(*place) else root
+        # something else may stand there, which the section's reader records
+        with suppress(KeyError):
+            if root.at(place[0]) and not root.at(*place):
+                root = put(root, place, number)
     return put(root, ("path",), None)
 
 
+def _check_derivable(ctx: Context, root: Node, sweep: Sweep, word: Node) -> None:
+    """Record a body, a path or axes that exclude derived loads. word: that asks for them"""
+    if root.at("body", "file"):
+        reason = "the body comes from a file, whose normals are no expressions"
+        remedy = "give the loads, or describe the body by its outline"
+        ctx.at(word, f"{reason}, so loads cannot be derived", remedy)
+    if path := root.at("path"):
+        fault = "a path changes a load, but loads: derived leaves none to change"
+        ctx.at(path, fault, "remove path, or give the loads", on_key=True)
+    for axis in sweep.axes:
+        section, key = axis.path[0], axis.path[-1]
+        if section in ("boundary", "loads") or (section == "heat" and key in HEAT_KEYS):
+            remedy = "remove it from the sweep, or give the loads"
+            ctx.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
+
+
+def _without_load(ctx: Context, root: Node, place: Place, key: str) -> Node:
+    """Return the study without a load that will be derived, which is a fault if it is given.
+
+    Components that an edge holds become 0 in place of the word `derived`.
+    """
+    load = root.at(*place, key)
+    if load is None:
+        return root
+    is_held = key in COMPONENTS
+    parts = load.entries if key == "u" else (load,)
+    zeros = list[Node]()
+    for part in parts:
+        is_free = part.value == "free"
+        if part.value != DERIVED and not (is_held and is_free):
+            ctx.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is load)
+        zeros.append(part if is_free else replace(part, value=0))
+    if not is_held:
+        return put(root, (*place, key), None)
+    new = replace(load, value=tuple(zeros * 2)[:2]) if key == "u" else zeros[0]
+    return put(root, (*place, key), new)
+
+
 def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) -> Sequence[Scene]:
-    """The scenes with their loads; what forbids it is recorded, once for each place."""
-    checks, derivation, before = Checks(exact, body), Derivation(exact, body), len(ctx.errors)
-    root, sweep, scenes = reader.root, reader.sweep, reader.scenes
+    """Return the scenes with their derived loads; obstacles are recorded, once for each place."""
+    checks = Checks(exact, body)
+    derivation = Derivation(exact, body)
+    fault_count = len(ctx.errors)
+    sweep, scenes = reader.sweep, reader.scenes
 
-    def sound(faults: Iterable[SolutionFault]) -> bool:
-        for keys, what, remedy in faults:
-            ctx.at(root.nearest("exact", *keys), what, remedy)
-        return len(ctx.errors) == before
+    def is_sound(faults: Iterable[SolutionFault]) -> bool:
+        for keys, fault, remedy in faults:
+            ctx.at(reader.root.nearest("exact", *keys), fault, remedy)
+        return len(ctx.errors) == fault_count
 
-    if not sound((*_missing(exact, scenes), *checks.kinks())):
+    if not is_sound((*_missing(exact, scenes), *checks.kinks())):
         return scenes
-    made = list[Scene]()
+    derived = list[Scene]()
     for scene, point in zip(scenes, sweep.places.T.tolist(), strict=True):
         ctx.errors.point = reader.words(tuple(point), range(len(point)))
-        made.append(derivation.scene(scene))
-        if not sound(checks.scene(made[-1])):
+        derived.append(derivation.scene(scene))
+        if not is_sound(checks.scene(derived[-1])):
             break
     ctx.errors.point = ""
-    return Scenes.of(made) if len(made) == len(scenes) else scenes
+    return Scenes.of(derived) if len(derived) == len(scenes) else scenes
 
 
 def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
+    """Yield what an exact solution lacks for the derivation of loads."""
     if exact.theta is None:
-        beta = any(scene.material.expands for scene in scenes)
-        if beta or scenes[0].edges(Convection):
-            why = "beta makes it load the body" if beta else "there are convection edges"
-            yield (), f"theta is missing: {why}", 'add theta: "...", or theta: 0'
+        expands = any(scene.material.expands for scene in scenes)
+        if expands or scenes[0].edges(Convection):
+            reason = "beta makes it load the body" if expands else "there are convection edges"
+            yield (), f"theta is missing: {reason}", 'add theta: "...", or theta: 0'
     elif scenes[0].edges(Convection) and any(scene.heat.alpha == 0.0 for scene in scenes):
-        what = "with alpha = 0 no theta_bar can be derived: no heat passes convection edges"
-        yield ("theta",), what, "give alpha > 0, or make the edges free or traction"
+        fault = "with alpha = 0 no theta_bar can be derived: no heat passes convection edges"
+        yield ("theta",), fault, "give alpha > 0, or make the edges free or traction"
 
 
 @none_after_fault
 def read_exact(ctx: Context, reader: SceneReader) -> Exact:
-    """The exact solution; None after a fault."""
+    """Return the exact solution; None after a fault."""
     fields = Fields(ctx, reader.root.nearest("exact"), "exact")
-    u, theta, xi, exponent, loads = (
-        fields.value(key) for key in ("u", "theta", "xi", "exponent", "loads")
-    )
+    keys = ("u", "theta", "xi", "exponent", "loads")
+    u, theta, xi, exponent, loads = map(fields.value, keys)
     exact = Exact(u, theta, xi, exponent, loads == DERIVED)
     ctx.sound()
     if reader.body is not None:

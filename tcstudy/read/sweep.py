@@ -66,7 +66,7 @@ class SweptAxis(Parameter):
         return replace(self, values=values, labels=labels)
 
     def ascending(self) -> SweptAxis:
-        """Return the axis with unordered numbers in ascending order: CF wants monotonic coordinates.
+        """Return the axis with its numbers in ascending order, as CF coordinates must be monotonic.
 
         Texts stay in their order: as the values of a dimension they are no strict CF coordinate,
         but as a label variable of another name `data.sel(friction="tresca")` would find no index.
@@ -182,17 +182,17 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
             ctx.errors.met_again()
             return None
         return Parameter(candidate, row_at)
-    what = f"the study has no parameter {key!r} to sweep"
-    known = _known(ctx, root)
-    alike = [other for other in known if other.endswith(f".{path[-1]}")]
+    fault = f"the study has no parameter {key!r} to sweep"
+    names = _known(ctx, root)
+    alike = [name for name in names if name.endswith(f".{path[-1]}")]
     meant = _meant_of_law(root, path)
     if path[0] in FIXED:
-        what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
+        fault, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
     elif key == "points":
-        what = "points are for modes that list or draw points"
+        fault = "points are for modes that list or draw points"
         remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
     elif key in OF_DESIGNS:
-        what = f"{key} is for modes that draw points"
+        fault = f"{key} is for modes that draw points"
         remedy = f"add mode: one of {', '.join(DESIGNS)}"
     elif meant:
         remedy = f"did you mean {meant!r}?"
@@ -201,9 +201,9 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
             alike = [nearest(key, alike) or alike[0]]
         remedy = f"did you mean {' or '.join(map(repr, alike))}?"
     else:
-        words = [*SHORT, *known, "mode", "friction", "material"]
+        words = [*SHORT, *names, "mode", "friction", "material"]
         remedy = hint(key, words, "use a key path such as heat.alpha")
-    ctx.at(item, what, remedy, on_key=True)
+    ctx.at(item, fault, remedy, on_key=True)
     return None
 
 
@@ -212,7 +212,7 @@ def _meant_of_law(root: Node, path: Keys) -> str:
     law = root.at("friction", "law")
     if path[0] != "friction" or law is None or law.value not in SHAPES:
         return ""
-    name = nearest(path[-1], [one.name for one in SHAPES[str(law.value)].parameters])
+    name = nearest(path[-1], [parameter.name for parameter in SHAPES[str(law.value)].parameters])
     return f"friction.{name}" if name and len(path) == 2 else ""
 
 
@@ -244,10 +244,10 @@ def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
     row_at = swept_row(path, shape, by_edge)
     if place != path:
         words = tuple(word for word in place if isinstance(word, str))
-        whole = swept_row(words, shape, by_edge)
-        if row_at is None and whole is not None and whole.kind == "vector":
-            return replace(whole, name=name, kind="field")
-        if row_at is None and whole is not None and root.at(*place):
+        whole_row = swept_row(words, shape, by_edge)
+        if row_at is None and whole_row is not None and whole_row.kind == "vector":
+            return replace(whole_row, name=name, kind="field")
+        if row_at is None and whole_row is not None and root.at(*place):
             return OF_POINT["s" if name == "s" else "b"]
     if row_at and section == "mesh":
         return replace(row_at, kind="number")  # its levels are no axis
@@ -283,8 +283,8 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
         for other_axis in sweep.axes:
             value = next((node for node in other_axis.values if words_in(node, following)), None)
             if value:
-                what = f"is made of {min(words_in(value, following))}, which is swept as well"
-                ctx.at(value, what, "write its values out, or put the expression where the key is")
+                fault = f"is made of {min(words_in(value, following))}, which is swept as well"
+                ctx.at(value, fault, "write its values out, or put the expression where the key is")
         for key, node in root.children.items():
             words = frozenset() if key in varied else words_in(node, following)
             if words:
@@ -307,17 +307,17 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
             listed = f', --set "sweep.{axis.key}=[{lost.text()}]"'
         other_values = f"give the sweep other values{listed}"
         remedy = f"leave it out here, {other_values}, or remove it by --set sweep=null"
-        what = f"{axis.key} is swept, so what this option says of it would not be used"
-        ctx.at(lost, what, remedy)
+        fault = f"{axis.key} is swept, so what this option says of it would not be used"
+        ctx.at(lost, fault, remedy)
 
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:
     """Return the base study, in which swept keys that it does not give have their first values."""
-    whole = {axis.path for axis in sweep.axes if root.at(*axis.path)}
+    whole_paths = {axis.path for axis in sweep.axes if root.at(*axis.path)}
     for axis in sorted(sweep.axes, key=lambda axis: len(axis.path)):
         # a parameter of a law that is itself swept may be foreign to the base law
         path = axis.path
-        if not root.at(*place_of(root, path)) and path[:1] not in whole:
+        if not root.at(*place_of(root, path)) and path[:1] not in whole_paths:
             # KeyError where something else stands there, which the section's reader records
             with suppress(KeyError):
                 root = put_number(root, path, axis.values[0])
@@ -331,7 +331,7 @@ def _axis(
     p: Parameter,
     values: Nodes,
     names: tuple[str, ...] = (),
-    drawn: str = "",
+    distribution: str = "",
 ) -> SweptAxis:
     texts = tuple(value.text() for value in values)
     kind = p.row.kind
@@ -341,19 +341,19 @@ def _axis(
         scalars = [ctx.scalar(value, p.row.dimension, varies=varies) for value in values]
         numbers = tuple(scalar for scalar in scalars if isinstance(scalar, float))
         labels = numbers if len(numbers) == len(values) else texts
-    return SweptAxis(p.path, p.row, key, node, values, labels, drawn)
+    return SweptAxis(p.path, p.row, key, node, values, labels, distribution)
 
 
-def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node]) -> list[SweptAxis]:
+def _point_list(ctx: Context, root: Node, node: Node, items: Mapping[str, Node]) -> list[SweptAxis]:
     """Return the axes of mode: list, whose points name the same parameters or stand in a table."""
-    points = given.get("points")
-    stray = next((key for key in given if key != "points"), None)
+    points = items.get("points")
+    stray = next((key for key in items if key != "points"), None)
     if stray in OF_DESIGNS:
-        ctx.at(given[stray], f"{stray} is for modes that draw points; remove it", on_key=True)
+        ctx.at(items[stray], f"{stray} is for modes that draw points; remove it", on_key=True)
     elif stray is not None:
-        what = f"with mode: list the parameter {stray!r} belongs into points"
+        fault = f"with mode: list the parameter {stray!r} belongs into points"
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
-        ctx.at(given[stray], what, remedy, on_key=True)
+        ctx.at(items[stray], fault, remedy, on_key=True)
     elif points is None:
         remedy = "add points: [{alpha: 25}, {alpha: 100}]"
         ctx.at(node, "is missing", remedy, key=f"{node.path}.points")
@@ -380,8 +380,8 @@ def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes
     if isinstance(points.value, str):
         head, *lines = table_lines(ctx, points)[1] or [()]
         if len(lines) * (len(head) + 1) > MAX_VALUES:
-            what = f"the table has {len(lines)} × {len(head)} values, more than a study can keep"
-            ctx.at(points, what, "use fewer points, or several studies, whose files xarray joins")
+            fault = f"the table has {len(lines)} × {len(head)} values, more than a study can keep"
+            ctx.at(points, fault, "use fewer points, or several studies, whose files xarray joins")
             return
         for j, cell in enumerate(head):
             heading = HEAD.fullmatch(str(cell.value))
@@ -397,9 +397,9 @@ def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes
     for point in listed:
         if not point.children or {*point.children} != {*first}:
             names = f"names {', '.join(point.children)}" if point.children else f"is {point.kind()}"
-            what = f"{names}, but the first point names {', '.join(first) or 'nothing'}"
+            fault = f"{names}, but the first point names {', '.join(first) or 'nothing'}"
             remedy = "write {PARAMETER: value, ...} with the same parameters in every point"
-            ctx.at(point, what, remedy)
+            ctx.at(point, fault, remedy)
             return
     for key, item in first.items():
         yield key, "", item, tuple(point.children[key] for point in listed)
@@ -425,8 +425,8 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
         if first is not axis:
             # of a table the headings tell them apart, which differ in units only
             name = first.key if first.key != axis.key else first.node.text()
-            what = f"sweeps the same parameter as {name!r}"
-            ctx.at(axis.node, f"{what}; keep one of the two", on_key=True)
+            fault = f"sweeps the same parameter as {name!r}"
+            ctx.at(axis.node, f"{fault}; keep one of the two", on_key=True)
     lengths = [len(axis.values) for axis in axes if axis.values]
     identities = [_identities(axis) for axis in axes]
     if mode == "grid":
@@ -438,9 +438,9 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
         return
     unequal = [axis for axis in axes if axis.values and len(axis.values) != lengths[0]]
     if unequal:
-        what = f"has {len(unequal[0].values)} values, but {axes[0].key} has {lengths[0]}"
+        fault = f"has {len(unequal[0].values)} values, but {axes[0].key} has {lengths[0]}"
         remedy = "with mode: zip give all lists the same length, or use mode: grid"
-        ctx.at(unequal[0].node, what, remedy)
+        ctx.at(unequal[0].node, fault, remedy)
     elif axes and len(lengths) == len(axes):
         _check_repeated(ctx, axes[0].values, list(zip(*identities, strict=True)), "point")
 
@@ -464,13 +464,13 @@ def _check_repeated(ctx: Context, nodes: Nodes, identities: Sequence[object], it
 
 def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | None) -> None:
     """Record swept parameters that the law, or one of the swept laws, does not have."""
-    whole = {axis.path: axis.values for axis in axes if axis.is_whole}
+    whole_values = {axis.path: axis.values for axis in axes if axis.is_whole}
     for axis in axes:
         *place, name = axis.path
         if axis.path[0] != "friction" or axis.is_whole or name in OF_ALL_LAWS:
             continue
         base = friction.at(*place[1:]) if friction else None
-        for node in whole.get(tuple(place), (base,) if base else ()):
+        for node in whole_values.get(tuple(place), (base,) if base else ()):
             shape_node = node.at("law")
             shape = str(shape_node.value) if shape_node else ""
             if shape not in SHAPES:
@@ -479,8 +479,8 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | 
             if name not in names:
                 laws = "{NAME: {law: ...}, ...}"
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {laws}"
-                what = f"the law {shape} has no parameter {name!r}"
-                ctx.at(axis.node, what, remedy, on_key=True)
+                fault = f"the law {shape} has no parameter {name!r}"
+                ctx.at(axis.node, fault, remedy, on_key=True)
                 break
 
 
@@ -494,19 +494,19 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
         several = p.several(node)
         names, values = tuple(several), tuple(several.values())
         if not several:
-            what = f"must be a mapping of names to {kind}s, but is {node.kind()}"
+            fault = f"must be a mapping of names to {kind}s, but is {node.kind()}"
             if node.children:
-                what = f"is a single {kind}, not a mapping of names to {kind}s"
+                fault = f"is a single {kind}, not a mapping of names to {kind}s"
             record = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
-            ctx.at(node, what, ctx.example(f"write {{NAME: {record}, NAME: ...}}"))
+            ctx.at(node, fault, ctx.example(f"write {{NAME: {record}, NAME: ...}}"))
     elif node.children and kind in NUMBERS:
         values = _spaced(ctx, node, p.row.dimension) or ()
     elif not values:
         is_empty = node.value in (None, (), {})
         value = ctx.example(p.row.dimension.example) if is_empty else node.brief()
         example = f"{value}, ...] or {{linspace: [a, b, n]}}" if kind in NUMBERS else "..., ...]"
-        what = "has no values" if is_empty else f"must be a list of values, but is {node.kind()}"
-        ctx.at(node, what, f"write a list such as [{example}")
+        fault = "has no values" if is_empty else f"must be a list of values, but is {node.kind()}"
+        ctx.at(node, fault, f"write a list such as [{example}")
     axis = _axis(ctx, key, node, p, values, names)
     faults = ctx.errors.problems
     if faults[n_faults:] and values:
@@ -530,8 +530,8 @@ ENDS_AND_COUNT = {
 def _range_meant(node: Node) -> str:
     """Return a range as it is written, of one with its parts by name; empty for anything else."""
     children = node.children
-    known = {word for words in ENDS_AND_COUNT.values() for word in words}
-    if not children or not known.issuperset(children):
+    range_words = {word for words in ENDS_AND_COUNT.values() for word in words}
+    if not children or not range_words.issuperset(children):
         return ""
     parts = []
     for part, words in ENDS_AND_COUNT.items():
@@ -553,8 +553,8 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
     ctx.sound()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
-        what = f"must be [a, b, n], but is {item.kind()}"
-        ctx.at(item, what, "write [a, b, n]: both ends, how many")
+        fault = f"must be [a, b, n], but is {item.kind()}"
+        ctx.at(item, fault, "write [a, b, n]: both ends, how many")
     ctx.sound()
     a = ctx.quantity(item.entries[0], dimension)
     b = ctx.quantity(item.entries[1], dimension)
