@@ -1,5 +1,4 @@
-"""What one picture shows, read from a result file: plain arrays in the units of the file, and the
-study that is in it.
+"""Contents of one picture, read from a result file: arrays in the units of the file, and the study.
 
 Every result file has the text of its study. Where it can be read again, pictures and pages can say
 what an edge does.
@@ -40,7 +39,7 @@ from tcstudy.shapes.edges import edge_points
 Array = NDArray[np.float64]
 
 NEAR = 1e-6
-"""Relative difference of two lengths that are one."""
+"""Relative difference up to which two lengths are equal."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +48,10 @@ class LineFields:
 
     arclength, x, y, c: position, coordinates and segment lengths c_i [length_units]
     edge:   (m,) index into edge_names;  joints: the nodes where one of them ends and another begins
-    u_T:    (m,) tangential displacement [length_units];  xi: (m,) traction ξ = −S_T [traction_units]
-    sticks: (m,) nodes that rest on an up-jump of the law
-    section: (m,) force of the section at every node, and its units, if it was asked for
+    u_T:    (m,) tangential displacement [length_units]
+    xi:     (m,) traction ξ = −S_T [traction_units]
+    sticks: (m,) nodes that stick on an up-jump of the law
+    section: (m,) force of the section at every node, and its units, if it was requested
     """
 
     arclength: Array
@@ -83,19 +83,22 @@ class LineFields:
 
     @property
     def along_x(self) -> tuple[float, float] | None:
-        """(sign, x at s = 0) of a line that is straight along x, where x = x_0 ± s; None for any
-        other."""
-        room, sign = NEAR * float(self.c.sum()), 1.0 if self.x[-1] > self.x[0] else -1.0
+        """(sign, x at s = 0) of a line that is straight along x, where x = x_0 ± s.
+
+        None for any other line.
+        """
+        if len(self.arclength) < 2:
+            return None
+        room = NEAR * float(self.c.sum())
+        sign = 1.0 if self.x[-1] > self.x[0] else -1.0
         start = self.x - sign * self.arclength
-        return (
-            (sign, float(start[0]))
-            if max(np.ptp(self.y), np.ptp(start)) <= room and len(start) > 1
-            else None
-        )
+        is_straight = max(np.ptp(self.y), np.ptp(start)) <= room
+        return (sign, float(start[0])) if is_straight else None
 
     def beyond(self, part: slice) -> tuple[float, float]:
-        """What the segments of the outermost nodes of a part reach beyond them: nothing at a free
-        end, a whole element beside a held node [length_units].
+        """Return the length of the segments of the outermost nodes of a part beyond them.
+
+        0 at a free end, a whole element beside a constrained node [length_units].
         """
         s, c = self.arclength[part], self.c[part]
         if len(s) == 1:
@@ -103,31 +106,32 @@ class LineFields:
         return float(c[0] - 0.5 * (s[1] - s[0])), float(c[-1] - 0.5 * (s[-1] - s[-2]))
 
     def cells(self, part: slice) -> Array:
-        """(n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
+        """Return (n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
         s, (first, last) = self.arclength[part], self.beyond(part)
         return np.concatenate([[s[0] - first], 0.5 * (s[1:] + s[:-1]), [s[-1] + last]])
 
     def held(self, part: slice) -> tuple[bool, bool]:
-        """Whether a part begins and ends at a held node, which carries no unknown."""
-        room, (first, last) = NEAR * float(self.c[part].sum()), self.beyond(part)
-        alone = self.closed(part) or part.stop - part.start == 1
-        return (False, False) if alone else (abs(first) > room, abs(last) > room)
+        """Return whether a part begins and ends at a constrained node, which is no unknown."""
+        if self.closed(part) or part.stop - part.start == 1:
+            return False, False
+        room = NEAR * float(self.c[part].sum())
+        first, last = self.beyond(part)
+        return abs(first) > room, abs(last) > room
 
     def closed(self, part: slice) -> bool:
-        """True if the part is a ring: the segment of its first node reaches back to the last one,
-        in a chord."""
+        """Return whether the part is a ring.
+
+        The segment of its first node then reaches back to the last one, in a chord.
+        """
         first, last = self.beyond(part)
-        chord = float(
-            np.hypot(*(values[part][-1] - values[part][0] for values in (self.x, self.y)))
-        )
-        bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * float(
-            np.ptp(self.arclength[part])
-        )
-        return bent and max(abs(chord - first - last), abs(first - last)) <= NEAR * chord
+        x, y = self.x[part], self.y[part]
+        chord = float(np.hypot(x[-1] - x[0], y[-1] - y[0]))
+        length = float(np.ptp(self.arclength[part]))
+        is_bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * length
+        return is_bent and max(abs(chord - first - last), abs(first - last)) <= NEAR * chord
 
     def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:
-        """Ends of intervals from the start of the part on, and the contact node that each interval
-        belongs to.
+        """Return ends of intervals along the part, and the contact node of each interval.
 
         They are the segments S_i; in a ring the first one comes in two halves, at the start and at
         the end.
@@ -142,10 +146,11 @@ class LineFields:
 
 @dataclass(frozen=True)
 class BodyFields:
-    """The whole body: mesh (n nodes, t triangles), displacement [length units], temperature if
-    there is one.
+    """The whole body: a mesh of n nodes and t triangles, displacement, temperature.
 
-    xy, u: (n, 2);  region: (t,) which material a triangle has, 0 for that of the body
+    xy, u:  (n, 2) coordinates and displacement [length units]
+    theta:  (n,) temperature, None if the file has none
+    region: (t,) index of the material of a triangle, 0 for that of the body
     """
 
     xy: Array
@@ -156,16 +161,19 @@ class BodyFields:
     region: NDArray[np.int8]
 
 
-ARC_POINTS, BESIDE = 24, 0.3
-"""Points of a drawn arc; part of its length that a side of the mesh may lie beside its edge, which
-bends."""
+ARC_POINTS = 24
+"""Points of a drawn arc."""
+MAX_DISTANCE = 0.3
+"""Distance of a side of the mesh from its edge, which may bend, in lengths of the side."""
 
 
 @dataclass(frozen=True)
 class NamedEdge:
-    """An edge of the body: its role in a word, the loop that it belongs to (0 is the outline), its
-    points (n, 2).
+    """An edge of the body.
 
+    role:   in a word
+    loop:   that it belongs to, 0 for the outline
+    line:   (n, 2) points
     loaded: whether a traction acts on it
     """
 
@@ -180,12 +188,14 @@ class NamedEdge:
 class Picture:
     """One solved point of a sweep on one level.
 
-    at:    the numbers of the point, a dataset;  point: its labels in words
-    edges: those of the body with their roles, of contact alone where the study does not say them
+    at:      the numbers of the point, a dataset
+    point:   its labels in words
+    edges:   those of the body with their roles, of contact alone where the study has no outline
     sources: outlines (n, 2) of heated regions [length units]
-    held:  (parts, 2) u_T at both ends of every part of the line, NaN where no node is held or the file does not say it
-    scene: what was solved, None if the study in the file cannot be read
-    symbols: how the parameters of the point are written, by name
+    held:    (parts, 2) u_T at both ends of every part of the line, NaN where it is not prescribed
+             or not in the file
+    scene:   of the point, None if the study in the file cannot be read
+    symbols: of the parameters of the point, by name
     """
 
     at: Any
@@ -201,19 +211,19 @@ class Picture:
 
     @property
     def title(self) -> str:
-        """That of the study."""
+        """The title of the study."""
         return str(self.at.attrs["title"])
 
     @property
     def words(self) -> str:
-        """The point and its level."""
+        """The point and its level in words."""
         return f"{self.point or self.title}, level {self.level}"
 
 
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
-    """Read what a picture of one point shows.
+    """Return the contents of a picture of one point, by default that of the largest slip.
 
-    Raises StoreError if `path` is not a complete result file, DrawError if it does not hold the
+    Raises StoreError if `path` is not a complete result file, DrawError if it does not have the
     point or the point was not solved.
     """
     with open_root(path) as root:
@@ -224,12 +234,12 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         symbols = axis_symbols(root)
         point_alone = root.isel({dim: [index] for dim, index in where.items()}).load()
     with unmasked(path) as nc:
-        body, own_point = StoredBody.at(nc, place)
+        body, point_of_body = StoredBody.at(nc, place)
         study = stored_study(body.about)
-        group = body.dataset(number, body.cut(own_point))
-    scene = None if study is None else study.scenes[own_point]
-    alone = None if study is None or scene is None else replace(study, scenes=(scene,))
-    sizes = floors(point_alone, alone)
+        group = body.dataset(number, body.cut(point_of_body))
+    scene = None if study is None else study.scenes[point_of_body]
+    study_alone = None if study is None or scene is None else replace(study, scenes=(scene,))
+    sizes = floors(point_alone, study_alone)
     line = contact_line(group)
     held_u_T: Any = group["held_u_T"].values if "held_u_T" in group else []
     return Picture(
@@ -250,7 +260,8 @@ def _without_rounding(line: LineFields, sizes: Floors, level: int) -> LineFields
     """Return the contact line of one point with 0 in place of rounding, whose sizes these are."""
     section = line.section
     if section:
-        section = sizes.cleared("section_force", section[0], level, 0), section[1]
+        force, units = section
+        section = sizes.cleared("section_force", force, level, 0), units
     return replace(
         line,
         u_T=sizes.cleared("u_T", line.u_T, level, 0),
@@ -260,130 +271,135 @@ def _without_rounding(line: LineFields, sizes: Floors, level: int) -> LineFields
 
 
 def _place(root: Any, where: Mapping[str, int]) -> int:
+    """Return the number of a point in the sweep, from its index along each dimension."""
     dims = sweep_dims(root)
-    return (
-        int(np.ravel_multi_index([where[d] for d in dims], [root.sizes[d] for d in dims]))
-        if dims
-        else 0
-    )
+    if not dims:
+        return 0
+    index, sizes = [where[dim] for dim in dims], [root.sizes[dim] for dim in dims]
+    return int(np.ravel_multi_index(index, sizes))
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
-    """Which stored held end (data.schema.HELD) both ends of every part of the line are; −1 for none
-    of them."""
+    """Return which stored constrained end (data.schema.HELD) each end of every part is.
+
+    −1 for an end that is none of them.
+    """
     if "held_arclength" not in group:
         return [(-1, -1)] * len(line.parts)
-    stored, found = group["held_arclength"].values, []
+    stored = group["held_arclength"].values
+    room = NEAR * float(line.c.sum())
+    ends = list[tuple[int, int]]()
     for part in line.parts:
-        cells, (first, last) = line.cells(part), line.held(part)
-        room = NEAR * float(line.c.sum())
-        begin, end = (np.flatnonzero(np.abs(stored - at) <= room) for at in (cells[0], cells[-1]))
+        cells, (is_first_held, is_last_held) = line.cells(part), line.held(part)
+        at_start = np.flatnonzero(np.abs(stored - cells[0]) <= room)
+        at_end = np.flatnonzero(np.abs(stored - cells[-1]) <= room)
         # where two parts meet in one held corner, the end of the one is stored before the start of
         # the other
-        found.append(
-            (
-                int(begin[-1]) if first and len(begin) else -1,
-                int(end[0]) if last and len(end) else -1,
-            )
-        )
-    return found
+        first = int(at_start[-1]) if is_first_held and len(at_start) else -1
+        last = int(at_end[0]) if is_last_held and len(at_end) else -1
+        ends.append((first, last))
+    return ends
 
 
 def contact_line(group: Any) -> LineFields:
-    """The contact line of a level or a path, with slip and traction of all points that the group is
-    of."""
+    """Return the contact line of a level or a path, with slip and traction of all its points."""
+    section = None
     N = group.get("section_force")
+    if N is not None and not np.isnan(N.values).any():
+        section = N.values, str(N.attrs["units"])
+    is_stored = "sticks" in group
     return LineFields(
         **{name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")},
         edge=group["edge"].values.astype(np.intp),
-        edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),
-        sticks=group["sticks"].values == STICKS if "sticks" in group else np.zeros(0, dtype=bool),
+        edge_names=_edge_names(group),
+        sticks=group["sticks"].values == STICKS if is_stored else np.zeros(0, dtype=bool),
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
         joints=joints_of(group),
-        section=None
-        if N is None or np.isnan(N.values).any()
-        else (N.values, str(N.attrs["units"])),
+        section=section,
     )
+
+
+def _edge_names(group: Any) -> tuple[str, ...]:
+    return tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
 
 
 def body_fields(
     group: Any, cleared_theta: Callable[[Array], Array] = lambda theta: theta
 ) -> BodyFields | None:
-    """The fields of the whole body, None if the file has none for this point.
+    """Return the fields of the whole body, None if the file has none for this point.
 
     cleared_theta: puts 0 in place of the rounding of temperatures
     """
     if not {"node_x", "triangle", "u_x", "u_y"} <= set(group.variables):
         return None
-    xy, u = (
-        np.column_stack([group[name].values for name in pair])
-        for pair in (("node_x", "node_y"), ("u_x", "u_y"))
-    )
+    u = np.column_stack([group["u_x"].values, group["u_y"].values])
     if not np.isfinite(u).all():
         return None
     triangles, theta = group["triangle"].values.astype(np.intp), group.get("theta")
-    known = theta is not None and np.isfinite(theta.values).all()
+    has_theta = theta is not None and np.isfinite(theta.values).all()
+    region = np.zeros(len(triangles), dtype=np.int8)
     return BodyFields(
-        xy=xy,
+        xy=np.column_stack([group["node_x"].values, group["node_y"].values]),
         triangles=triangles,
         u=u,
-        theta=cleared_theta(theta.values) if known else None,
+        theta=cleared_theta(theta.values) if has_theta else None,
         theta_units=str(theta.attrs["units"]) if theta is not None else "1",
-        region=group["region"].values
-        if "region" in group
-        else np.zeros(len(triangles), dtype=np.int8),
+        region=group["region"].values if "region" in group else region,
     )
 
 
 def edge_laws(friction: Laws | EdgeLaws) -> tuple[tuple[str, Laws, Any], ...]:
-    """The laws with their edges and strengths, "" for the edge where friction is the same along the
-    contact line."""
+    """Return (edge, law, strength) of each edge; edge is "" where all have the same friction."""
     return friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
 
 
 def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:
-    """The law of the contact line of a stored level, or of its nodes."""
-    names = str(group["edge"].attrs.get("flag_meanings", "")).split()
+    """Return the law of the contact line of a stored level, or of its nodes."""
     xy = np.stack([group["x"].values, group["y"].values], axis=1)
-    return law_along(friction, names, group["edge"].values, xy, joints_of(group))
+    return law_along(friction, _edge_names(group), group["edge"].values, xy, joints_of(group))
 
 
 def states_of(
     friction: Laws | EdgeLaws | None, group: Any, u_T: Array, sticks: Any
 ) -> NDArray[np.int8]:
-    """(…, m) ContactState of the nodes of a stored level; stick and slip alone where no law is
-    known."""
+    """Return (…, m) ContactState of the nodes of a stored level; without a law, stick and slip."""
     if friction is None:
         return np.where(sticks, ContactState.STICK, ContactState.SLIP).astype(np.int8)
     return np.asarray(node_states(law_of_nodes(friction, group), u_T, sticks))
 
 
 def joints_of(group: Any) -> Joints:
-    return Joints(*(group[v.name].values for v in JOINTS)) if "joint_node" in group else NO_JOINTS
+    """Return the nodes shared by two contact edges."""
+    if "joint_node" not in group:
+        return NO_JOINTS
+    return Joints(*(group[variable.name].values for variable in JOINTS))
 
 
 def at_rest(study: Study | None) -> bool:
-    """True if every held edge is held where it is, so that the slip is zero at a held end."""
+    """Return whether all prescribed displacements are 0, so that constrained ends do not slip."""
     if study is None:
         return False
-    roles = {
-        role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)
-    }
-    return all(component in (None, 0.0) for role in roles for component in role.u)
+    for scene in study.scenes:
+        for _, role in scene.boundary:
+            if isinstance(role, Clamped) and any(u not in (None, 0.0) for u in role.u):
+                return False
+    return True
 
 
 def outline(study: Study | None) -> list[NamedEdge]:
-    """Edges with their roles; empty if the study does not say (a body from a file)."""
+    """Return the edges with their roles; empty without an outline (a body from a file)."""
     if study is None or study.scenes[0].body.outline is None:
         return []
-    body, roles, found = study.scenes[0].body, dict(study.scenes[0].boundary), []
-    for number, loop in enumerate((body.outline, *body.holes)):
+    scene = study.scenes[0]
+    roles = dict(scene.boundary)
+    edges = list[NamedEdge]()
+    for number, loop in enumerate((scene.body.outline, *scene.body.holes)):
         for edge in loop.edges if loop is not None else ():
             role = roles.get(edge.name, Free())
             line = _polyline(edge)
-            found.append(NamedEdge(edge.name, role.word, number, line, is_loaded(role)))
-    return found
+            edges.append(NamedEdge(edge.name, role.word, number, line, is_loaded(role)))
+    return edges
 
 
 def named_edges(study: Study | None, group: Any) -> list[NamedEdge]:
@@ -415,36 +431,41 @@ def is_loaded(role: Role) -> bool:
 
 
 def polylines(segments: Array) -> list[Array]:
-    """Lines (n, 2) of straight pieces (k, 2, 2) that lead on to each other; a ring ends where it
-    begins."""
+    """Return lines (n, 2) of segments (k, 2, 2) that continue each other.
+
+    A ring ends where it begins.
+    """
     merged = shapely.line_merge(shapely.multilinestrings(segments), directed=True)
-    return [shapely.get_coordinates(one) for one in shapely.get_parts(merged)]
+    return [shapely.get_coordinates(line) for line in shapely.get_parts(merged)]
 
 
 def contact_edges(line: LineFields, group: Any) -> list[NamedEdge]:
-    """The parts of a stored contact line, from held end to held end, under the names of their
-    edges."""
-    places, ends = np.column_stack([line.x, line.y]), np.zeros((0, 2))
+    """Return the parts of a contact line between constrained ends, named after their edges."""
+    xy, ends = np.column_stack([line.x, line.y]), np.zeros((0, 2))
     if "held_x" in group:
         ends = np.column_stack([group["held_x"].values, group["held_y"].values])
-    found = []
+    edges = list[NamedEdge]()
     for part, (first, last) in zip(line.parts, ends_held(line, group), strict=True):
-        on, around = places[part], int(line.closed(part))
-        way = np.concatenate([ends[first : first + 1], on, ends[last : last + 1], on[:around]])
-        names = dict.fromkeys(
-            line.edge_names[k] for k in line.edge[part] if k < len(line.edge_names)
-        )
-        found.append(NamedEdge(", ".join(names), "contact", 0, way))
-    return found
+        nodes = xy[part]
+        back_to_start = nodes[: int(line.closed(part))]
+        start, end = ends[first : first + 1], ends[last : last + 1]
+        points = np.concatenate([start, nodes, end, back_to_start])
+        indices = [k for k in line.edge[part] if k < len(line.edge_names)]
+        names = dict.fromkeys(line.edge_names[k] for k in indices)
+        edges.append(NamedEdge(", ".join(names), "contact", 0, points))
+    return edges
 
 
 def sources(study: Study | None) -> list[Array]:
-    """Outlines (n, 2) of the regions that are heated."""
+    """Return outlines (n, 2) of the regions that are heated."""
     if study is None or not any(scene.heat.q != 0.0 for scene in study.scenes):
         return []
     scene = study.scenes[0]
-    loops = [region.loop for region in scene.body.regions if region.name in scene.heat.omega]
-    return [np.concatenate([_polyline(edge) for edge in loop.edges]) for loop in loops]
+    outlines = list[Array]()
+    for region in scene.body.regions:
+        if region.name in scene.heat.omega:
+            outlines.append(np.concatenate([_polyline(edge) for edge in region.loop.edges]))
+    return outlines
 
 
 def _polyline(edge: Edge) -> Array:
@@ -452,44 +473,45 @@ def _polyline(edge: Edge) -> Array:
 
 
 def nearest(segments: Array, named: Sequence[NamedEdge]) -> NDArray[np.int8]:
-    """(k,) index of the named edge that each piece (k, 2, 2) of the rim lies on; −1 for none that
-    is known."""
+    """Return (k,) index of the named edge on which each segment (k, 2, 2) of the rim lies.
+
+    −1 for a segment on none of them.
+    """
     if not named:
         return np.full(len(segments), -1, dtype=np.int8)
-    middles, lines = (
-        shapely.points(segments.mean(axis=1)),
-        [shapely.LineString(edge.line) for edge in named],
-    )
-    far = np.array([shapely.distance(middles, line) for line in lines])
-    own = far.min(axis=0) < BESIDE * np.hypot(*(segments[:, 1] - segments[:, 0]).T)
-    return np.where(own, np.argmin(far, axis=0), -1).astype(np.int8)
+    middles = shapely.points(segments.mean(axis=1))
+    lines = [shapely.LineString(edge.line) for edge in named]
+    distance = np.array([shapely.distance(middles, line) for line in lines])
+    length = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+    is_near = distance.min(axis=0) < MAX_DISTANCE * length
+    return np.where(is_near, np.argmin(distance, axis=0), -1).astype(np.int8)
 
 
 # -- stresses: constant in triangles, as P1 elements have them; recovered
-# ----------------------------------------------
 
 
 def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
-    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles
-    [Pa, J/m³]."""
-    lam, mu, beta, nu, E = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])[
-        body.region
-    ].T
+    """Return stress (t, 6) and elastic energy density ½ σ : c⁻¹ σ (t,) of triangles [Pa, J/m³].
+
+    Components stand in the order xx, yy, zz, xy, yz, xz.
+    """
+    constants = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])
+    lam, mu, beta, nu, E = constants[body.region].T
     x, y = np.moveaxis(body.xy[body.triangles], -1, 0)
-    b, d = (
-        np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1),
-        np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1),
-    )
-    twice = np.sum(
-        x * b, axis=1
-    )  # 2 × area; its sign goes with the order of the corners, as that of b and d
+    b = np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1)
+    d = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
+    # its sign depends on the order of the corners, as that of b and d does
+    twice_area = np.sum(x * b, axis=1)
     u, v = np.moveaxis(body.u[body.triangles], -1, 0)
-    e_xx, e_yy = np.sum(u * b, axis=1) / twice, np.sum(v * d, axis=1) / twice
-    e_xy = 0.5 * (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice
+    e_xx = np.sum(u * b, axis=1) / twice_area
+    e_yy = np.sum(v * d, axis=1) / twice_area
+    e_xy = 0.5 * (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice_area
     theta = np.zeros(len(x)) if body.theta is None else np.mean(body.theta[body.triangles], axis=1)
+
     lateral = lam * (e_xx + e_yy) - beta * theta
     sigma = np.zeros((len(x), 6))
-    sigma[:, 0], sigma[:, 1] = lateral + 2.0 * mu * e_xx, lateral + 2.0 * mu * e_yy
+    sigma[:, 0] = lateral + 2.0 * mu * e_xx
+    sigma[:, 1] = lateral + 2.0 * mu * e_yy
     sigma[:, 2] = lateral if material.plane == "strain" else 0.0
     sigma[:, 3] = 2.0 * mu * e_xy
     square = np.sum(sigma[:, :3] ** 2, axis=1) + 2.0 * np.sum(sigma[:, 3:] ** 2, axis=1)
@@ -498,14 +520,14 @@ def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
 
 
 def von_mises(sigma: Array) -> Array:
-    """√(3/2 s : s) of the deviators s of stresses (…, 6)."""
+    """Return √(3/2 s : s) of the deviators s of stresses (…, 6)."""
     deviator = sigma[..., :3] - np.mean(sigma[..., :3], axis=-1, keepdims=True)
     square = np.sum(deviator**2, axis=-1) + 2.0 * np.sum(sigma[..., 3:] ** 2, axis=-1)
     return np.asarray(np.sqrt(1.5 * square))
 
 
 def principal(sigma: Array, sign: float) -> Array:
-    """The larger (sign 1) or smaller (−1) principal stress in the plane of stresses (…, 6)."""
+    """Return the larger (sign 1) or smaller (−1) in-plane principal stress of stresses (…, 6)."""
     x, y = sigma[..., 0], sigma[..., 1]
     return np.asarray(0.5 * (x + y) + sign * np.hypot(0.5 * (x - y), sigma[..., 3]))
 
@@ -517,17 +539,17 @@ def stress_floor(body: BodyFields, material: Material, sigma: Array) -> float:
     """
     sides = body.xy[body.triangles] - body.xy[np.roll(body.triangles, 1, axis=1)]
     shortest = float(np.hypot(sides[..., 0], sides[..., 1]).min())
-    stiffest = max(one.lam + 2.0 * one.mu for one in material.all)
+    stiffest = max(m.lam + 2.0 * m.mu for m in material.all)
     summed = stiffest * float(np.abs(body.u).max()) / shortest
     if body.theta is not None:
         hottest = float(np.abs(body.theta).max())
-        summed += max(abs(one.beta) for one in material.all) * hottest
+        summed += max(abs(m.beta) for m in material.all) * hottest
     rounding = STRESS_ROUNDINGS * float(np.finfo(float).eps) * summed
     return max(rounding, SHARE * float(np.abs(sigma).max()))
 
 
 STRESS_ROUNDINGS = 64.0
-"""Rounding errors of a displacement that the stress of an element may hold."""
+"""Rounding errors of a displacement that the stress of an element may contain."""
 
 
 COMPONENTS: dict[str, tuple[str, Callable[[Array], Array]]] = {
@@ -538,34 +560,34 @@ COMPONENTS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "sigma_1": ("larger principal stress σ_1", lambda sigma: principal(sigma, 1.0)),
     "sigma_2": ("smaller principal stress σ_2", lambda sigma: principal(sigma, -1.0)),
 }
-"""What a picture may show of stresses (…, 6): label and formula."""
+"""Components of stresses (…, 6) that a picture may show: label and formula."""
 
 
 def recovered(body: BodyFields, material: Material) -> tuple[Array, float]:
-    """Stress (r, n, 6) at the nodes of each of the r regions, 0 elsewhere, and its estimated
-    relative error in L².
+    """Return stress (r, n, 6) at the nodes of each of the r regions, and its relative error in L².
 
-    The stress of P1 elements jumps from triangle to triangle; σ* is the mean of those around a
-    node, by their areas, within one material, across which stresses may jump. The error is ‖σ* −
-    σ_h‖ / ‖σ*‖ (Zienkiewicz and Zhu 1987).
+    It is 0 at nodes outside a region. The stress of P1 elements jumps from triangle to triangle. σ*
+    is the mean of those around a node, by their areas, within one material, across which stresses
+    may jump. The error is estimated as ‖σ* − σ_h‖ / ‖σ*‖ (Zienkiewicz and Zhu 1987).
     """
-    sigma, corners, of = stresses(body, material)[0], body.triangles, body.region.astype(np.intp)
+    sigma, _ = stresses(body, material)
+    corners, region = body.triangles, body.region.astype(np.intp)
     a, b, c = body.xy[corners.T]
     area = 0.5 * np.abs(np.linalg.det(np.stack([b - a, c - a], axis=-1)))
-    mean, weight = (
-        np.zeros((of.max() + 1, len(body.xy), 6)),
-        np.zeros((of.max() + 1, len(body.xy), 1)),
-    )
+    shape = region.max() + 1, len(body.xy)
+    mean, weight = np.zeros((*shape, 6)), np.zeros((*shape, 1))
     for corner in corners.T:
-        np.add.at(mean, (of, corner), area[:, None] * sigma)
-        np.add.at(weight, (of, corner), area[:, None])
+        np.add.at(mean, (region, corner), area[:, None] * sigma)
+        np.add.at(weight, (region, corner), area[:, None])
     mean /= np.where(weight > 0.0, weight, 1.0)
 
     def square(linear: Array) -> float:
-        """∫ |d|² of stresses (t, 3, 6) given at corners."""
-        whole = np.sum(linear**2, axis=1) + np.sum(linear, axis=1) ** 2
-        return float(np.sum(area[:, None] / 12.0 * whole * [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]))
+        """Return ∫ |d|² of stresses d (t, 3, 6) given at corners."""
+        corner_sums = np.sum(linear**2, axis=1) + np.sum(linear, axis=1) ** 2
+        return float(np.sum(area[:, None] / 12.0 * corner_sums * [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]))
 
-    own = mean[of[:, None], corners]
-    size = square(own)
-    return mean, float(np.sqrt(square(own - sigma[:, None]) / size)) if size > 0.0 else 0.0
+    at_corners = mean[region[:, None], corners]
+    size = square(at_corners)
+    if not size > 0.0:
+        return mean, 0.0
+    return mean, float(np.sqrt(square(at_corners - sigma[:, None]) / size))
