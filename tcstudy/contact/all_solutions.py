@@ -1,39 +1,39 @@
-"""Every solution of a contact problem with piecewise-linear laws, stable or not, proved to be all
-or said why not.
+"""All solutions of a contact problem with piecewise-linear laws, and the proof that they are all.
 
-Statement: of the given doubles Ã, l̃, c and the polygons through the laws' values at their kinks
-the search finds all
-           cells (one side of its polygon for every node) that may hold a solution. In a cell the
-           problem is linear:
-           one solution if its matrix is proved regular and the solution inside, none if that is
-           proved outside, else
+Statement: for the given doubles Ã, l̃, c and the polygons through the laws' values at their kinks
+           the search finds all cells (one side of its polygon for every node) that may hold a
+           solution. In a cell the problem is linear. It has one solution if its matrix is proved
+           regular and the solution inside, none if that is proved outside. Otherwise it is
            undecided (a solution on a kink within rounding, as exact symmetry makes them, or a
-           singular cell)
-Count:     with growth (15), (16) and Ã positive definite the degree is 1, so that the number of regular solutions is
-           odd: a check of every list
-Stable:    a strict local minimum of L̃: no node inside a jump down, and Ã + C diag b′ positive definite on the nodes
-           off the jumps
+           singular cell).
+Count:     with growth (15), (16) and Ã positive definite the degree is 1, so that the number of
+           regular solutions is odd: a check of every list
+Stable:    a strict local minimum of L̃: no node inside a down-jump, and Ã + C diag b′ positive
+           definite on the nodes off the jumps
 
-Left out: laws with exponential pieces; their polygon is another problem
-(`laws.composed.piecewise_linear`), which the caller names.
+Left out: laws with exponential pieces. The caller names the polygon that replaces them
+(`laws.composed.piecewise_linear`), which is another problem.
 
-The search makes boxes that hold all solutions smaller by proof and splits them until none bends.
+The search makes boxes that hold all solutions smaller by proof, and splits them until every node of
+a box is on one side.
 
-Problems:  Ãv + Cζ = l̃_p + s l̃₁ with (v_i, ζ_i) on the filled graph of b̂_i, a polygon; s ∈ [−1, 1], or l̃₁ = 0
-Place:     t = k + f is the point at the share f of side k of a polygon; a box is an interval of places for every node
-Row step:  y_i = Ã_ii v + c_i ζ along the polygon of node i lies in l̃_i − Σ_{j≠i} Ã_ij [v_j]. Where no Ã_ij, i ≠ j, is
-           positive, bounds from below follow from those from below alone, so that the steps rise to
-           the least solution
-           and fall to the largest one: no box is smaller (a lattice system, Tarski 1955)
-Strip step: the part of a polygon in the box lies about its chord, (v, ζ) ∈ p + Dτ + W [middle ±
-radius], so that
-           (ÃD_v + CD_ζ) τ = l̃ + s l̃₁ − … − Kδ, |δ| ≤ radius: one inverse bounds v and ζ. Falling
-           sides are part of
-           the matrix; only bends count
-Cell:      what is left when every node is on one side of its polygon: one segment of solutions, a point for one load
-Rounding:  every bound is widened by what rounding may do to it, places by `SLACK`; an inverse Y of M is used only where
-           ‖I − YM‖_∞ is proved small, and what it leaves out is added (S. M. Rump, Acta Numerica 19
-           (2010) 287–449)
+Problems:  Ãv + Cζ = l̃_p + s l̃₁ with (v_i, ζ_i) on the filled graph of b̂_i, a polygon;
+           s ∈ [−1, 1], or l̃₁ = 0
+Place:     t = k + f is the point at the share f of side k of a polygon; a box is an interval of
+           places for every node
+Row step:  y_i = Ã_ii v + c_i ζ along the polygon of node i lies in l̃_i − Σ_{j≠i} Ã_ij [v_j]. Where
+           no Ã_ij, i ≠ j, is positive, bounds from below follow from those from below alone, so
+           that the steps rise to the least solution and fall to the largest one: no box is smaller
+           (a lattice system, Tarski 1955)
+Strip step: the part of a polygon in the box lies about its chord,
+           (v, ζ) ∈ p + Dτ + W [middle ± radius], so that (ÃD_v + CD_ζ) τ = l̃ + s l̃₁ − … − Kδ,
+           |δ| ≤ radius. One inverse bounds v and ζ. Sides on which b falls are part of the matrix,
+           only bends add to the radius.
+Cell:      a box in which every node is on one side of its polygon: one segment of solutions, a
+           point for one load
+Rounding:  every bound is widened by what rounding may do to it, places by `SLACK`. An inverse Y of
+           M is used only where ‖I − YM‖_∞ is proved small, and its error is added (S. M. Rump, Acta
+           Numerica 19 (2010) 287–449).
 """
 
 from __future__ import annotations
@@ -57,23 +57,29 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 SAME = 1e-7
-"""Solutions that differ by less than this part of the largest slip are one."""
+"""Solutions that differ by less than this part of the largest slip are the same."""
 LAW_ERROR = 1e-3
-"""Of the polygon of a law with exponential pieces, relative to its scale."""
+"""Error of the polygon of a law with exponential pieces, relative to its scale."""
 EPS = float(np.finfo(float).eps)
-PROVED = 0.01
+TINY = float(np.finfo(float).tiny)
+MAX_INVERSE_ERROR = 0.01
 """Largest ‖I − YM‖_∞ with which an inverse is used."""
 SLACK = 32.0
-"""Roundings of the largest place by which places are widened; a part of a box half as wide is no
-part of it."""
-ROUNDS = 40
-"""Of row steps and a strip step, before a box is split whatever they bring."""
-_TURNS, _STEPS, _LEAST = 8, 20, 1e-3
-"""Most row steps, in turns after each of which boxes leave that moved less than so many sides."""
-_ENOUGH = 0.8
-"""Share of a box's size left, from which it is split instead of reduced again."""
-_MEMORY = 4_000_000
-"""Numbers in the matrices of the boxes that are at work together."""
+"""Roundings of the largest place by which places are widened.
+
+A part of a box that is half as wide does not count.
+"""
+MAX_ROUNDS = 40
+"""Most rounds of row steps and a strip step before a box is split."""
+_MAX_TURNS = 8
+"""Most turns of row steps; after each turn boxes leave that have stopped moving."""
+_STEPS_PER_TURN = 20
+_MIN_MOVE = 1e-3
+"""Move in the last step of a turn below which a box has stopped, in sides."""
+_MAX_LEFT = 0.8
+"""Share of the size of a box after a round above which it is split."""
+_MAX_ENTRIES = 4_000_000
+"""Entries in the matrices of the boxes that are reduced together; it limits memory."""
 
 
 @dataclass(frozen=True)
@@ -86,19 +92,25 @@ class Limits:
     boxes: int = 20_000
     seconds: float = 60.0
 
+    def met(self, boxes: int) -> str:
+        """Return which limit was met after so many boxes, in words."""
+        limit = f"{self.boxes:g} boxes" if boxes > self.boxes else f"{self.seconds:g} seconds"
+        return f"{limit} was met"
+
 
 @dataclass(frozen=True, eq=False)
 class Equilibria:
     """The solutions of one problem, lowest energy first.
 
-    v:         (S, m) slips [m], each proved to be within rounding of one solution, or found by the solver where
-               these are not all;  xi: (S, m) l̃ − Ãv [N/m]
+    v:         (S, m) slips [m], each proved to be within rounding of one solution, or found by the
+               solver where these are not all;  xi: (S, m) l̃ − Ãv [N/m]
     energy:    (S,) L̃ [J/m];  stable: (S,) strict local minimum
-    sides:     (S, m) side of its polygon that every node is on, which tells solutions apart
+    sides:     (S, m) side of its polygon that every node is on, which identifies a solution
     complete:  True if these are proved to be all;  reason: why they are not, "" if they are
     undecided: (U, m) sides of the cells that may hold one more solution each
-    boxes:     number that was looked at
-    law_error: 0, or of the polygon that stands for an exponential law and that all this is of, relative to its scale
+    boxes:     number of boxes of the search
+    law_error: error of the polygon that replaces an exponential law, relative to its scale; 0
+               without one
     """
 
     v: Array
@@ -119,7 +131,7 @@ class Equilibria:
 def all_solutions(
     problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR
 ) -> Equilibria:
-    """Every solution of one problem; of laws with exponential pieces every one of their polygon."""
+    """Return every solution of one problem, with the polygons of laws with exponential pieces."""
     return of_rows(problem.rows, limits, law_error, problem.lambda_1)[0]
 
 
@@ -129,34 +141,52 @@ def of_rows(
     law_error: float = LAW_ERROR,
     lambda_1: float | None = None,
 ) -> list[Equilibria]:
-    """The same of every row of problems on one body, whose λ₁ may be known [Pa/m]."""
-    A_tilde, c, loads, index = rows.A_tilde, rows.c, rows.l_tilde, rows.law.index
-    limits, lambda_1 = limits or Limits(), lambda_1 or rows.body.lambda_1
-    errors = np.zeros(len(loads))
-    if not rows.law.piecewise_linear:
-        errors[:] = np.where(np.any(rows.law.bent, axis=-1)[index].any(-1), law_error, 0.0)
+    """Return every solution of each row of problems on one body.
+
+    lambda_1: λ₁ of the body if known [Pa/m]
+    """
+    A_tilde, c, loads = rows.A_tilde, rows.c, rows.l_tilde
+    limits = limits or Limits()
+    lambda_1 = lambda_1 or rows.body.lambda_1
     laws = polygon_laws(rows, law_error, lambda_1)
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
     cells = problems.search(limits)
-    at = problems.segments(cells.problem, cells.sides, loads[cells.problem], problems.change)
-    body, found = CondensedBody.known(A_tilde, c, lambda_1=lambda_1), []
-    for i in range(len(loads)):
-        own = cells.problem == i
-        sure, undecided = own & at.one, cells.sides[own & ~at.one & ~at.none]
-        row = np.full(np.count_nonzero(sure), i)
-        solved = ContactProblem.on(body, loads[row], laws.at(index[row]))
-        v = at.u[sure, 0]
-        energy, stable = solved.energy(v), strict_minimum(solved, v)
-        limit = (
-            f"{limits.boxes:g} boxes"
-            if cells.boxes[i] > limits.boxes
-            else f"{limits.seconds:g} seconds"
+    load_of_cell = loads[cells.problem]
+    segments = problems.segments(cells.problem, cells.sides, load_of_cell, problems.change)
+    is_undecided = ~segments.has_segment & ~segments.is_empty
+    is_exponential = np.any(rows.law.bent, axis=-1)
+    has_exponential = is_exponential[rows.law.index].any(-1)
+    errors = np.broadcast_to(np.where(has_exponential, law_error, 0.0), len(loads))
+    body = CondensedBody.known(A_tilde, c, lambda_1=lambda_1)
+    equilibria = []
+    for row in range(len(loads)):
+        is_in_row = cells.problem == row
+        is_solution = is_in_row & segments.has_segment
+        undecided = cells.sides[is_in_row & is_undecided]
+        v = segments.u[is_solution, 0]
+        row_of_v = np.full(len(v), row)
+        solved = ContactProblem.on(body, loads[row_of_v], laws.at(rows.law.index[row_of_v]))
+        energy = solved.energy(v)
+        stable = strict_minimum(solved, v)
+        boxes = int(cells.boxes[row])
+        limit = limits.met(boxes) if cells.stopped[row] else ""
+        reason = unproved(limit, len(undecided), len(v))
+        order = np.argsort(energy, kind="stable")
+        equilibria.append(
+            Equilibria(
+                v=v[order],
+                xi=solved.xi(v[order]),
+                energy=energy[order],
+                stable=stable[order],
+                sides=cells.sides[is_solution][order],
+                complete=not reason,
+                reason=reason,
+                undecided=undecided,
+                boxes=boxes,
+                law_error=float(errors[row]),
+            )
         )
-        reason = unproved(f"{limit} was met" if cells.stopped[i] else "", len(undecided), len(row))
-        k = np.argsort(energy, kind="stable")
-        v, told = v[k], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
-        found.append(Equilibria(v, solved.xi(v), energy[k], stable[k], cells.sides[sure][k], *told))
-    return found
+    return equilibria
 
 
 def polygon_laws(rows: ContactProblem, law_error: float, lambda_1: float) -> Laws:
@@ -175,28 +205,30 @@ def with_solution(equilibria: Equilibria, problem: ContactProblem, v: Array) -> 
     The laws of the problem must be piecewise linear.
     """
     largest = float(np.max(np.abs(v), initial=0.0))
-    apart = np.max(np.abs(equilibria.v - v), axis=1, initial=0.0)
-    if np.any(apart <= SAME * largest):
+    distance = np.max(np.abs(equilibria.v - v), axis=1, initial=0.0)
+    if np.any(distance <= SAME * largest):
         return equilibria
     energy = np.append(equilibria.energy, problem.energy(v))
     order = np.argsort(energy, kind="stable")
     stable = np.append(equilibria.stable, strict_minimum(problem.rows, v[None]))
+    xi = problem.xi(v)
+    sides = sides_at(problem.law, v)
     return replace(
         equilibria,
         v=np.concatenate([equilibria.v, v[None]])[order],
-        xi=np.concatenate([equilibria.xi, problem.xi(v)[None]])[order],
+        xi=np.concatenate([equilibria.xi, xi[None]])[order],
         energy=energy[order],
         stable=stable[order],
-        sides=np.concatenate([equilibria.sides, sides_at(problem.law, v)[None]])[order],
+        sides=np.concatenate([equilibria.sides, sides[None]])[order],
     )
 
 
 def sides_at(laws: Laws, v: Array) -> Index:
-    """Return the side of its polygon that every slip v (m,) is on, at a bend the one to its left."""
-    at = laws.locate(v)
-    is_upright = at.on & (laws.kind(at) != BEND)
+    """Return the side of its polygon that every slip v (m,) is on, at a bend the left one."""
+    place = laws.locate(v)
+    is_upright = place.on & (laws.kind(place) != BEND)
     # a law of K kinks has K + 1 pieces, but 2 K + 1 codes of pieces and upright sides
-    codes = 2 * at.piece + is_upright - laws.node_index(len(v))
+    codes = 2 * place.piece + is_upright - laws.node_index(len(v))
     return sides_of_codes(laws)[codes]
 
 
@@ -206,28 +238,30 @@ def sides_of_codes(laws: Laws) -> Index:
     The polygons leave out the upright sides where a law only bends.
     """
     kinds = laws.tables.kinds
-    kept = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
-    kept[:, 1::2] = kinds != BEND
-    return np.asarray((np.cumsum(kept, axis=-1) - 1).ravel(), dtype=np.intp)
+    is_side = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
+    is_side[:, 1::2] = kinds != BEND
+    sides = np.cumsum(is_side, axis=-1) - 1
+    return np.asarray(sides.ravel(), dtype=np.intp)
 
 
 def unproved(limit: str, undecided: int, count: int) -> str:
-    """Why solutions of a load, or of a range, are not proved to be all; empty if they are.
+    """Return why solutions of a load, or of a range, are not proved to be all, "" if they are.
 
-    limit: that was met, in words;  count: of the solutions, where a range begins
+    limit:     that was met, in words
+    undecided: number of undecided cells
+    count:     of the solutions, where a range begins
     """
     if limit:
         return f"the limit of {limit}"
     if undecided:
+        plural = "s" if undecided > 1 else ""
         return (
-            f"{undecided} combination{'s' if undecided > 1 else ''} of pieces of the law cannot be decided within "
+            f"{undecided} combination{plural} of pieces of the law cannot be decided within "
             "rounding (a solution on a kink, as exact symmetry makes them, or a singular piece)"
         )
-    return (
-        ""
-        if count % 2
-        else f"the number of solutions, {count}, is even, which no regular problem has"
-    )
+    if count % 2 == 0:
+        return f"the number of solutions, {count}, is even, which no regular problem has"
+    return ""
 
 
 class Boxes(NamedTuple):
@@ -237,11 +271,13 @@ class Boxes(NamedTuple):
     low: Array
     high: Array
 
-    def take(self, which: Flags | Index | slice) -> Boxes:
-        return Boxes._make(x[which] for x in self)
+    def take(self, rows: Flags | Index | slice) -> Boxes:
+        """Return the named boxes."""
+        return Boxes._make(column[rows] for column in self)
 
     @property
     def alive(self) -> Flags:
+        """(n,) boxes that are not empty."""
         return np.asarray((self.low <= self.high).all(-1))
 
     @property
@@ -251,16 +287,25 @@ class Boxes(NamedTuple):
 
 
 def joined(parts: list[Boxes]) -> Boxes:
-    """Boxes one after the other."""
-    return Boxes._make(np.concatenate(x) for x in zip(*parts, strict=True))
+    """Return boxes one after the other."""
+    return Boxes._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
+
+
+class Condition(NamedTuple):
+    """Bounds low, high (n, m) of a function with these values at the vertices (…, m, V)."""
+
+    values: Array
+    low: Array
+    high: Array
 
 
 class Strips(NamedTuple):
-    """Parts of the polygons in n boxes: start p and chord D (n, m, 2), and how they leave the
-    chord.
+    """Parts of the polygons in n boxes: start p and chord D (n, m, 2), and their distance from it.
 
-    W:      1 where that is measured, in slip or else in traction (n, m, 2);  middle, radius: how far (n, m)
-    weight: of the bends in the balance of the node, 0 without any;  vertex: the place of the largest
+    W:      (n, m, 2) 1 where the distance is measured, in slip or else in traction
+    middle, radius: (n, m) of the distance
+    weight: (n, m) of the bends in the balance of the node, 0 without any
+    vertex: (n, m) the place of the largest distance
     """
 
     p: Array
@@ -276,15 +321,17 @@ class Strips(NamedTuple):
         """(n,) boxes in which every node is on one side."""
         return np.asarray((self.weight <= 0.0).all(-1))
 
-    def take(self, which: Flags) -> Strips:
-        return Strips._make(x[which] for x in self)
+    def take(self, rows: Flags) -> Strips:
+        """Return the strips of the named boxes."""
+        return Strips._make(column[rows] for column in self)
 
 
 class Cells(NamedTuple):
-    """What a search ends in.
+    """Cells in which a search ends.
 
     problem, sides: (n,), (n, m) sides of all nodes in each cell that may hold solutions
-    boxes: (P,) looked at of each problem;  stopped: (P,) by a limit: there may be more cells
+    boxes:   (P,) number of boxes of each problem
+    stopped: (P,) whether a limit ended the search: there may be more cells
     """
 
     problem: Index
@@ -296,45 +343,91 @@ class Cells(NamedTuple):
 class Segments(NamedTuple):
     """The solutions of n cells.
 
-    one, none: (n,) proved to have one segment, or no solution; else a corner is within rounding, or rank is lost
-    u:     (n, 2, m) displacements at both ends [m];  s: (n, 2) share of the interval there; without `one` these and
-    open_end: (n, 2), whether s reaches an end of the interval there, which it then is to the bit, mean nothing
+    has_segment: (n,) cells proved to have one segment of solutions
+    is_empty:    (n,) cells proved to have no solution; in others a corner is within rounding, or
+                 rank is lost
+    u:           (n, 2, m) displacements at both ends [m]
+    s:           (n, 2) share of the interval there
+    open_end:    (n, 2) whether s reaches an end of the interval there, which it then is to the bit
+
+    Without `has_segment` the last three mean nothing.
     """
 
-    one: Flags
-    none: Flags
+    has_segment: Flags
+    is_empty: Flags
     u: Array
     s: Array
     open_end: Flags
 
 
-def inverse_of(M: Array, size: Callable[[Array], Array], scale: Array) -> tuple[Array, Array]:
-    """(Y, share): Y ≈ (M/scale)⁻¹ (n, m, m); how much larger than Y r a solution may be, ∞ without
-    a proof (n,).
+class SolutionLine(NamedTuple):
+    """Lines x = α + γ σ of places and s, in which the solutions of n cells lie.
 
-    scale: (n, m) of the columns;  size(w): (n, m) magnitudes that the products M w are made of
-    share: ρ/(1 − ρ) with ρ a bound of ‖I − YM/scale‖_∞, rounding of M included
+    alpha, gamma: (n, m + 1);  noise: (n, m + 1) error of x
+    rises:     (n, m + 1) whether γ > 0
+    is_flat:   (n, m + 1) whether x does not change by more than its error
+    is_proved: (n,) whether the error is proved
     """
-    m, M = M.shape[-1], M / scale[:, None, :]
+
+    alpha: Array
+    gamma: Array
+    noise: Array
+    rises: Flags
+    is_flat: Flags
+    is_proved: Flags
+
+
+def inverse_of(M: Array, size: Callable[[Array], Array], scale: Array) -> tuple[Array, Array]:
+    """Return (Y, share): Y ≈ (M/scale)⁻¹ (n, m, m) and its relative error (n,).
+
+    A solution may be larger than Y r by the share, which is ∞ without a proof. It is ρ/(1 − ρ) with
+    ρ a bound of ‖I − YM/scale‖_∞, rounding of M included.
+
+    scale:   (n, m) of the columns
+    size(w): (n, m) magnitudes that the products M w are made of
+    """
+    m = M.shape[-1]
+    scaled = M / scale[:, None, :]
     try:
-        Y = np.linalg.inv(M)
+        Y = np.linalg.inv(scaled)
     except np.linalg.LinAlgError:  # one is singular, the others are not
-        Y = np.stack([np.linalg.pinv(x) if np.isfinite(x).all() else np.zeros_like(x) for x in M])
-    R = Y @ M
-    R[:, np.arange(m), np.arange(m)] -= 1.0
+        Y = np.stack([_pseudo_inverse(matrix) for matrix in scaled])
+    residual = Y @ scaled
+    diagonal = np.arange(m)
+    residual[:, diagonal, diagonal] -= 1.0
     with np.errstate(invalid="ignore", over="ignore"):
-        rho = np.abs(R, out=R).sum(-1).max(-1)
-        rho += 2.0 * (m + 4) * EPS * (np.abs(Y) @ size(1.0 / scale)[..., None])[..., 0].max(-1)
-        share = np.where(rho < PROVED, rho / (1.0 - np.minimum(rho, PROVED)), np.inf)
+        magnitudes = size(1.0 / scale)
+        largest_error = _product(np.abs(Y), magnitudes).max(-1)
+        rho = np.abs(residual, out=residual).sum(-1).max(-1)
+        rho += 2.0 * (m + 4) * EPS * largest_error
+        proved_share = rho / (1.0 - np.minimum(rho, MAX_INVERSE_ERROR))
+        share = np.where(rho < MAX_INVERSE_ERROR, proved_share, np.inf)
     return np.asarray(Y), share
+
+
+def _product(M: Array, x: Array) -> Array:
+    """Return the products (n, k) of matrices (n, k, m) and vectors (n, m)."""
+    return np.asarray((M @ x[..., None])[..., 0])
+
+
+def _pseudo_inverse(matrix: Array) -> Array:
+    if not np.isfinite(matrix).all():
+        return np.zeros_like(matrix)
+    return np.asarray(np.linalg.pinv(matrix))
 
 
 class PolygonProblems:
     """P problems on one body, with laws and loads of their own.
 
-    A, c, lambda_1: as of ContactProblem;  load: (P, m) l̃ [N/m];  change: (m,) load per s, None for none
-    laws:   piecewise linear, of one problem or of all (index of the shape (), (m,), (R, 1) or (R, m), R = 1 or P)
-    points: (G, m, V, 2) vertices (s, b) of the polygons of the G kinds of problem;  last: (G, m) number of sides
+    A, c, lambda_1: as of ContactProblem
+    laws:   piecewise linear, of one problem or of all (index of the shape (), (m,), (R, 1) or
+            (R, m), R = 1 or P)
+    load:   (P, m) l̃ [N/m]
+    change: (m,) load per s, None for none
+
+    points: (G, m, V, 2) vertices (s, b) of the polygons of the G kinds of problem
+    side_counts: (G, m) number of sides of each polygon
+    Y:      (G, m, V) y = Ã_ii v + c_i ζ at the vertices [N/m]
     """
 
     def __init__(
@@ -346,399 +439,525 @@ class PolygonProblems:
         lambda_1: float,
         change: Array | None = None,
     ) -> None:
-        self.A, self.c, self.m, self.load = A, c, len(c), load
+        self.A = A
+        self.c = c
+        self.m = len(c)
+        self.load = load
         self.change = np.zeros(len(c)) if change is None else change
-        self.diagonal, self.size_of_A = np.diagonal(A).copy(), np.abs(A)
-        off = A - np.diag(self.diagonal)
-        self.minus, self.plus = np.minimum(off, 0.0), np.maximum(off, 0.0)
-        self.positive = bool(np.any(self.plus))
+        self.diagonal = np.diagonal(A).copy()
+        self.size_of_A = np.abs(A)
+        off_diagonal = A - np.diag(self.diagonal)
+        self.minus = np.minimum(off_diagonal, 0.0)
+        self.plus = np.maximum(off_diagonal, 0.0)
+        self.has_plus = bool(np.any(self.plus))
+
         index = np.atleast_2d(laws.index)
         index = np.broadcast_to(index, (len(index), self.m))
         kinds, kind = np.unique(index, axis=0, return_inverse=True)
         self.kind = np.broadcast_to(kind.reshape(-1), len(load))
-        ends = np.concatenate([load - self.change, load + self.change])
-        self.points, self.last = polygons(laws, kinds, reach_of(c, laws, ends, lambda_1))
-        count = self.points.shape[2]
-        self.slack = SLACK * EPS * (1 + count)
-        v, z = self.points[..., 0], self.points[..., 1]
-        self.Y = self.diagonal[:, None] * v + c[:, None] * z
+        loads_at_ends = np.concatenate([load - self.change, load + self.change])
+        reach = reach_of(c, laws, loads_at_ends, lambda_1)
+        self.points, self.side_counts = polygons(laws, kinds, reach)
+        vertex_count = self.points.shape[2]
+        self.slack = SLACK * EPS * (1 + vertex_count)
+        self._vertex = np.arange(vertex_count)
+
+        v, zeta = self.points[..., 0], self.points[..., 1]
+        self.Y = self.diagonal[:, None] * v + c[:, None] * zeta
         largest = np.abs(self.points).max((0, 2))
-        self.noise = self.rounding(largest[..., 0], largest[..., 1], np.abs(load).max(0))
+        largest_load = np.abs(load).max(0)
+        self.noise = self.rounding(largest[..., 0], largest[..., 1], largest_load)
         sides = (v[..., :-1], np.diff(v), self.Y[..., :-1], np.diff(self.Y))
-        self._sides = [np.ascontiguousarray(x).reshape(-1) for x in sides]
-        self._base = (np.arange(len(kinds) * self.m) * (count - 1)).reshape(len(kinds), self.m)
-        self._vertex = np.arange(count)
+        self._sides = [np.ascontiguousarray(column).reshape(-1) for column in sides]
+        first_side = np.arange(len(kinds) * self.m) * (vertex_count - 1)
+        self._first_side = first_side.reshape(len(kinds), self.m)
 
-    def rounding(self, v: Array, z: Array, load: Array) -> Array:
-        """What rounding may do to the balance of slips, tractions and loads of these sizes (…, m)
-        [N/m]."""
-        return np.asarray(
-            4.0
-            * (self.m + 8)
-            * EPS
-            * (v @ self.size_of_A + self.c * z + load + np.abs(self.change))
-        )
+    def rounding(self, v: Array, zeta: Array, load: Array) -> Array:
+        """Return what rounding may do to the balance of a node (…, m) [N/m].
 
-    def of(self, table: NDArray[Any], problem: Index) -> NDArray[Any]:
-        """The rows of a table (G, …) of problems (n,); one row if all have the same."""
+        v, zeta, load: sizes of slips, tractions and loads (…, m)
+        """
+        size = v @ self.size_of_A + self.c * zeta + load + np.abs(self.change)
+        return np.asarray(4.0 * (self.m + 8) * EPS * size)
+
+    def rows_of(self, table: NDArray[Any], problem: Index) -> NDArray[Any]:
+        """Return the rows of a table (G, …) of problems (n,); one row if all have the same."""
         return table if len(table) == 1 else table[self.kind[problem]]
 
-    def at(self, problem: Index, place: Array) -> Array:
-        """The points (n, m, 2) at places (n, m)."""
-        points, k = (
-            self.of(self.points, problem),
-            np.minimum(place.astype(np.intp), self.points.shape[2] - 2),
-        )
-        start, end = (
-            np.take_along_axis(points, k[..., None, None] + i, axis=-2)[..., 0, :] for i in (0, 1)
-        )
-        f = (place - k)[..., None]
-        return np.where(f <= 0.0, start, np.where(f >= 1.0, end, start + f * (end - start)))
+    def points_at(self, problem: Index, place: Array) -> Array:
+        """Return the points (n, m, 2) at places (n, m)."""
+        points = self.rows_of(self.points, problem)
+        side = np.minimum(place.astype(np.intp), self.points.shape[2] - 2)
+        vertex = side[..., None, None]
+        start = np.take_along_axis(points, vertex, axis=-2)[..., 0, :]
+        end = np.take_along_axis(points, vertex + 1, axis=-2)[..., 0, :]
+        share = (place - side)[..., None]
+        inner = start + share * (end - start)
+        return np.where(share <= 0.0, start, np.where(share >= 1.0, end, inner))
 
     def row_steps(self, box: Boxes) -> Boxes:
-        """Row steps until they pay no more, and one over all sides: the bounds move only along the
-        side they are on."""
+        """Return boxes after row steps until they pay no more, and one over all sides.
+
+        The bounds of a step move only along the side they are on.
+        """
         margin = self.noise + np.abs(self.change)
-        low, high = self.load[box.problem] - margin, self.load[box.problem] + margin
-        a, b, busy = box.low.copy(), box.high.copy(), np.arange(len(low))
-        base, last = self.of(self._base, box.problem), self.of(self.last, box.problem)
-        for _ in range(_TURNS):
-            x, y, p, q = a[busy], b[busy], low[busy], high[busy]
-            address, end = (x if len(x) == 1 else x[busy] for x in (base, last - 1))
-            for _ in range(_STEPS):
-                x_0, y_0 = x, y
-                x, y = self._row_step(address, end, p, q, x, y)
-            a[busy], b[busy] = x, y
-            busy = busy[(x <= y).all(-1) & (np.maximum(x - x_0, y_0 - y).max(-1) > _LEAST)]
-            if not len(busy):
+        load_low = self.load[box.problem] - margin
+        load_high = self.load[box.problem] + margin
+        a, b = box.low.copy(), box.high.copy()
+        first_side = self.rows_of(self._first_side, box.problem)
+        last_side = self.rows_of(self.side_counts, box.problem) - 1
+        active = np.arange(len(a))
+        for _ in range(_MAX_TURNS):
+            new_a, new_b = a[active], b[active]
+            low = load_low[active]
+            high = load_high[active]
+            first = first_side if len(first_side) == 1 else first_side[active]
+            last_of_node = last_side if len(last_side) == 1 else last_side[active]
+            for _ in range(_STEPS_PER_TURN):
+                old_a, old_b = new_a, new_b
+                new_a, new_b = self._row_step(first, last_of_node, low, high, old_a, old_b)
+            a[active], b[active] = new_a, new_b
+            moved = np.maximum(new_a - old_a, old_b - new_b).max(-1)
+            is_alive = (new_a <= new_b).all(-1)
+            active = active[is_alive & (moved > _MIN_MOVE)]
+            if not len(active):
                 break
-        ok = np.flatnonzero((a <= b).all(-1))
-        own = Boxes(box.problem, a, b).take(ok)
-        v, w = self.at(own.problem, own.low)[..., 0], self.at(own.problem, own.high)[..., 0]
-        low, high = (
-            low[ok] - v @ self.minus - w @ self.plus,
-            high[ok] - w @ self.minus - v @ self.plus,
-        )
-        own = self._clipped(own, [(self.of(self.Y, own.problem), low, high)])
-        a[ok], b[ok] = own.low, own.high
+        alive = np.flatnonzero((a <= b).all(-1))
+        moved_box = Boxes(box.problem, a, b).take(alive)
+        inner = self._row_clipped(moved_box, load_low[alive], load_high[alive])
+        a[alive], b[alive] = inner.low, inner.high
         return Boxes(box.problem, a, b)
 
+    def _row_clipped(self, box: Boxes, load_low: Array, load_high: Array) -> Boxes:
+        """Return boxes after a row step over all their sides."""
+        v_low = self.points_at(box.problem, box.low)[..., 0]
+        v_high = self.points_at(box.problem, box.high)[..., 0]
+        low = load_low - v_low @ self.minus - v_high @ self.plus
+        high = load_high - v_high @ self.minus - v_low @ self.plus
+        condition = Condition(self.rows_of(self.Y, box.problem), low, high)
+        return self._clipped(box, [condition])
+
     def _row_step(
-        self, base: Index, end: Index, low_0: Array, high_0: Array, a: Array, b: Array
+        self,
+        first_side: Index,
+        last_side: Index,
+        load_low: Array,
+        load_high: Array,
+        a: Array,
+        b: Array,
     ) -> tuple[Array, Array]:
-        """The places a, b moved along their sides, by one side at most, to where y meets [low,
-        high]."""
-        k, n = np.minimum(a.astype(np.intp), end), np.maximum(np.ceil(b).astype(np.intp) - 1, 0)
-        f, g = a - k, b - n
-        v, dv, y, dy = (x.take(base + k) for x in self._sides)
-        w, dw, z, dz = (x.take(base + n) for x in self._sides)
-        v, w, y_a, z_b = v + f * dv, w + g * dw, y + f * dy, z + g * dz
-        low, high = low_0 - v @ self.minus, high_0 - w @ self.minus
-        if self.positive:
-            low, high = low - w @ self.plus, high - v @ self.plus
-        with np.errstate(divide="ignore", invalid="ignore"):
-            f, g = (
-                np.where(dy > 0.0, (low - y) / dy, np.inf),
-                np.where(dz > 0.0, (high - z) / dz, -np.inf),
-            )
-        # on a side that does not rise all of the rest is below where its start is
-        a_1 = np.where(y_a < low, np.where(f < 1.0, k + f - self.slack, k + 1.0), a)
-        b_1 = np.where(z_b > high, np.where(g > 0.0, n + g + self.slack, n), b)
-        return np.maximum(a_1, a), np.minimum(b_1, b)
+        """Return places a, b moved along their sides to where y meets its bounds.
 
-    def _clipped(self, box: Boxes, conditions: list[tuple[Array, Array, Array]]) -> Boxes:
-        """Hull of the parts of the polygons in the box on which functions of them lie between
-        bounds.
-
-        conditions: (values at the vertices (…, m, V), low, high (n, m)) of each function
+        They move by one side at most.
         """
-        last = self.of(self.last, box.problem)
-        first, end = np.full(box.low.shape, np.inf), np.full(box.low.shape, -np.inf)
-        for k in range(self.points.shape[2] - 1):
-            f, g = np.clip(box.low - k, 0.0, 1.0), np.clip(box.high - k, 0.0, 1.0)
-            on = (box.low <= k + 1) & (box.high >= k) & (k < last)
+        side_a = np.minimum(a.astype(np.intp), last_side)
+        side_b = np.maximum(np.ceil(b).astype(np.intp) - 1, 0)
+        share_a, share_b = a - side_a, b - side_b
+        v_start, v_rise, y_a, rise_a = (column.take(first_side + side_a) for column in self._sides)
+        v_a = v_start + share_a * v_rise
+        v_start, v_rise, y_b, rise_b = (column.take(first_side + side_b) for column in self._sides)
+        v_b = v_start + share_b * v_rise
+        low = load_low - v_a @ self.minus
+        high = load_high - v_b @ self.minus
+        if self.has_plus:
+            low = low - v_b @ self.plus
+            high = high - v_a @ self.plus
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share_low = np.where(rise_a > 0.0, (low - y_a) / rise_a, np.inf)
+            share_high = np.where(rise_b > 0.0, (high - y_b) / rise_b, -np.inf)
+        # on a side that does not rise, y stays below its value at the start
+        end_a = np.where(share_low < 1.0, side_a + share_low - self.slack, side_a + 1.0)
+        end_b = np.where(share_high > 0.0, side_b + share_high + self.slack, side_b)
+        is_below = y_a + share_a * rise_a < low
+        is_above = y_b + share_b * rise_b > high
+        new_a = np.where(is_below, end_a, a)
+        new_b = np.where(is_above, end_b, b)
+        return np.maximum(new_a, a), np.minimum(new_b, b)
+
+    def _clipped(self, box: Boxes, conditions: list[Condition]) -> Boxes:
+        """Return the hull of the parts of the polygons in the boxes that meet the conditions."""
+        side_counts = self.rows_of(self.side_counts, box.problem)
+        first = np.full(box.low.shape, np.inf)
+        end = np.full(box.low.shape, -np.inf)
+        for side in range(self.points.shape[2] - 1):
+            begin_share = np.clip(box.low - side, 0.0, 1.0)
+            end_share = np.clip(box.high - side, 0.0, 1.0)
+            meets = (box.low <= side + 1) & (box.high >= side) & (side < side_counts)
             for values, low, high in conditions:
-                y, d = values[..., k], values[..., k + 1] - values[..., k]
+                start = values[..., side]
+                rise = values[..., side + 1] - start
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    x_0, x_1 = (low - y) / d, (high - y) / d
-                x_0, x_1 = np.where(d < 0.0, x_1, x_0), np.where(d < 0.0, x_0, x_1)
-                on = on & ((d != 0.0) | ((low <= y) & (y <= high)))
-                f = np.where(d == 0.0, f, np.maximum(f, x_0))
-                g = np.where(d == 0.0, g, np.minimum(g, x_1))
-            on = on & (f <= g)
-            first = np.where(on, np.minimum(first, k + f), first)
-            end = np.where(on, np.maximum(end, k + g), end)
-        low, high = np.maximum(first - self.slack, box.low), np.minimum(end + self.slack, box.high)
+                    to_low = (low - start) / rise
+                    to_high = (high - start) / rise
+                falls = rise < 0.0
+                is_level = rise == 0.0
+                enter = np.where(falls, to_high, to_low)
+                leave = np.where(falls, to_low, to_high)
+                meets &= ~is_level | ((low <= start) & (start <= high))
+                begin_share = np.where(is_level, begin_share, np.maximum(begin_share, enter))
+                end_share = np.where(is_level, end_share, np.minimum(end_share, leave))
+            meets &= begin_share <= end_share
+            first = np.where(meets, np.minimum(first, side + begin_share), first)
+            end = np.where(meets, np.maximum(end, side + end_share), end)
+        low = np.maximum(first - self.slack, box.low)
+        high = np.minimum(end + self.slack, box.high)
         return Boxes(box.problem, low, high)
 
     def strips(self, box: Boxes) -> Strips:
-        """The parts of the polygons in the boxes about their chords."""
-        points = self.of(self.points, box.problem)
-        p = self.at(box.problem, box.low)
-        D = self.at(box.problem, box.high) - p
-        apart = 0.5 * self.slack
-        inside = (self._vertex > box.low[..., None] + apart) & (
-            self._vertex < box.high[..., None] - apart
+        """Return the parts of the polygons in the boxes about their chords."""
+        points = self.rows_of(self.points, box.problem)
+        p = self.points_at(box.problem, box.low)
+        D = self.points_at(box.problem, box.high) - p
+        min_distance = 0.5 * self.slack
+        is_above_low = self._vertex > box.low[..., None] + min_distance
+        is_inside = is_above_low & (self._vertex < box.high[..., None] - min_distance)
+        v = points[..., 0] - p[..., None, 0]
+        zeta = points[..., 1] - p[..., None, 1]
+        off_v = _off_chord(v, zeta, D[..., 0], D[..., 1], is_inside)
+        off_zeta = _off_chord(zeta, v, D[..., 1], D[..., 0], is_inside)
+        low_v, high_v = _range_with_0(off_v)
+        low_zeta, high_zeta = _range_with_0(off_zeta)
+        by_slip = (high_v - low_v) * self.diagonal < (high_zeta - low_zeta) * self.c
+        low = np.where(by_slip, low_v, low_zeta)
+        high = np.where(by_slip, high_v, high_zeta)
+        width = high - low
+        weight = np.maximum(np.where(by_slip, self.diagonal, self.c) * width, TINY)
+        distance = np.abs(np.where(by_slip[..., None], off_v, off_zeta))
+        return Strips(
+            p=p,
+            D=D,
+            W=np.stack([by_slip, ~by_slip], axis=-1).astype(float),
+            middle=0.5 * (low + high),
+            radius=0.5 * width * (1.0 + 8.0 * EPS),
+            weight=np.where(is_inside.any(-1), weight, 0.0),
+            vertex=np.argmax(np.where(is_inside, distance, -1.0), axis=-1),
         )
-        x, z = points[..., 0] - p[..., None, 0], points[..., 1] - p[..., None, 1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            off_z = np.where(inside, z - (D[..., 1] / D[..., 0])[..., None] * x, 0.0)
-            off_v = np.where(inside, x - (D[..., 0] / D[..., 1])[..., None] * z, 0.0)
-        off_z, off_v = (np.where(np.isfinite(off), off, np.inf) for off in (off_z, off_v))
-        (z_0, z_1), (v_0, v_1) = (
-            (np.minimum(x.min(-1), 0.0), np.maximum(x.max(-1), 0.0)) for x in (off_z, off_v)
-        )
-        slip = (v_1 - v_0) * self.diagonal < (z_1 - z_0) * self.c
-        low, high = np.where(slip, v_0, z_0), np.where(slip, v_1, z_1)
-        weight = np.maximum(
-            np.where(slip, self.diagonal, self.c) * (high - low), np.finfo(float).tiny
-        )
-        weight = np.where(inside.any(-1), weight, 0.0)
-        away = np.where(inside, np.abs(np.where(slip[..., None], off_v, off_z)), -1.0)
-        middle, radius = 0.5 * (low + high), 0.5 * (high - low) * (1.0 + 8.0 * EPS)
-        W = np.stack([slip, ~slip], axis=-1).astype(float)
-        return Strips(p, D, W, middle, radius, weight, np.argmax(away, axis=-1))
 
     def matrix(self, D: Array) -> tuple[Array, Callable[[Array], Array], Array]:
-        """(ÃD_v + CD_ζ, magnitudes of its products, scale of its columns) for chords D (n, m,
-        2)."""
-        i, d_v, d_z = np.arange(self.m), np.abs(D[..., 0]), np.abs(D[..., 1])
+        """Return ÃD_v + CD_ζ for chords D (n, m, 2), with sizes.
+
+        These are the magnitudes of its products, and the scale of its columns.
+        """
+        node = np.arange(self.m)
+        size_v = np.abs(D[..., 0])
+        size_zeta = np.abs(D[..., 1])
         M = self.A * D[:, None, :, 0]
-        M[:, i, i] += self.c * D[..., 1]
-        scale = d_v * self.size_of_A.max(0) + self.c * d_z
+        M[:, node, node] += self.c * D[..., 1]
+        scale = size_v * self.size_of_A.max(0) + self.c * size_zeta
         scale = np.where(scale > 0.0, scale, 1.0)
-        return M, lambda w: (d_v * w) @ self.size_of_A + self.c * d_z * w, scale
+        return M, lambda w: (size_v * w) @ self.size_of_A + self.c * size_zeta * w, scale
 
     def strip_step(self, box: Boxes, strip: Strips) -> Boxes:
-        """Boxes made smaller by v_i, ζ_i ∈ centre_i ± reach_i, where one inverse proves that.
+        """Return boxes made smaller by v_i, ζ_i ∈ centre_i ± reach_i, where an inverse proves that.
 
-        The shares of the chords are τ ± error − Σ YK δ, |δ| ≤ r, of bends of nodes j and of s in
+        The shares of the chords are τ ± error − Σ YK δ, |δ| ≤ radius, of bends of nodes and of s in
         the last column.
         """
-        M, size, scale = self.matrix(strip.D)
-        Y, share = inverse_of(M, size, scale)
-        load, q = self.load[box.problem], strip.p + strip.W * strip.middle[..., None]
-        tau = (Y @ (load - q[..., 0] @ self.A - self.c * q[..., 1])[..., None])[..., 0]
-        bends = int(np.count_nonzero(strip.radius > 0.0, axis=-1).max(initial=0))
-        j = np.argpartition(-strip.radius, min(bends, self.m - 1), axis=-1)[
-            :, :bends
-        ]  # those that bend, padded
-        r, by_z = (
-            np.take_along_axis(strip.radius, j, -1),
-            np.take_along_axis(strip.W[..., 1], j, -1),
-        )
-        YK = np.take_along_axis(Y, j[:, None, :], -1) * (self.c[j] * by_z)[:, None, :]
-        if np.any(by_z < 1.0):
-            YK += (Y @ self.A[:, j].transpose(1, 0, 2)) * (1.0 - by_z)[:, None, :]
-        YK, r = (
-            np.append(YK, (Y @ self.change)[..., None], axis=-1),
-            np.append(r, np.ones((len(r), 1)), axis=-1),
-        )
-        largest = (
-            np.abs(strip.p)
-            + np.abs(strip.D)
-            + strip.W * (np.abs(strip.middle) + strip.radius)[..., None]
-        )
+        M, products, scale = self.matrix(strip.D)
+        Y, share = inverse_of(M, products, scale)
+        load = self.load[box.problem]
+        middle = strip.p + strip.W * strip.middle[..., None]
+        rhs = load - middle[..., 0] @ self.A - self.c * middle[..., 1]
+        tau = _product(Y, rhs)
+        node, YK, radius = self._bends(strip, Y)
+
+        far_from_chord = (np.abs(strip.middle) + strip.radius)[..., None]
+        largest = np.abs(strip.p) + np.abs(strip.D) + strip.W * far_from_chord
         noise = self.rounding(largest[..., 0], largest[..., 1], np.abs(load))
-        error = (np.abs(Y) @ noise[..., None])[..., 0]
+        error = _product(np.abs(Y), noise)
         with np.errstate(invalid="ignore", over="ignore"):
-            terms = np.abs(tau) + (np.abs(YK) @ r[..., None])[..., 0] + error
+            bends = _product(np.abs(YK), radius)
+            terms = np.abs(tau) + bends + error
             error += share[:, None] * terms.max(-1, keepdims=True)
-        good = np.isfinite(share) & np.isfinite(tau).all(-1)
+        is_proved = np.isfinite(share) & np.isfinite(tau).all(-1)
+
         tau, error, YK = tau / scale, error / scale, YK / scale[..., None]
-        points, conditions = self.of(self.points, box.problem), []
+        points = self.rows_of(self.points, box.problem)
+        bend_count = node.shape[1]
+        row = np.arange(len(YK))[:, None]
+        bend = np.arange(bend_count)
+        rounding = 1.0 + 8.0 * (bend_count + 1) * EPS
+        conditions = []
         for axis in (0, 1):
-            d, off = strip.D[..., axis], strip.W[..., axis]
-            centre, X = q[..., axis] + d * tau, -d[..., None] * YK
-            X[np.arange(len(X))[:, None], j, np.arange(bends)] += np.take_along_axis(off, j, -1)
+            d = strip.D[..., axis]
+            centre_of_strip = middle[..., axis]
+            centre = centre_of_strip + d * tau
+            X = -d[..., None] * YK
+            X[row, node, bend] += np.take_along_axis(strip.W[..., axis], node, -1)
             with np.errstate(invalid="ignore"):
-                reach = (np.abs(X) @ r[..., None])[..., 0] * (1.0 + 8.0 * (bends + 1) * EPS)
-                reach += np.abs(d) * error + 4.0 * EPS * (np.abs(centre) + np.abs(q[..., axis]))
-            known = good[:, None] & np.isfinite(centre) & np.isfinite(reach)
-            low, high = (
-                np.where(known, centre - reach, -np.inf),
-                np.where(known, centre + reach, np.inf),
-            )
-            conditions.append((points[..., axis], low, high))
+                reach = _product(np.abs(X), radius) * rounding
+                size = np.abs(centre) + np.abs(centre_of_strip)
+                reach += np.abs(d) * error + 4.0 * EPS * size
+            is_known = is_proved[:, None] & np.isfinite(centre) & np.isfinite(reach)
+            low = np.where(is_known, centre - reach, -np.inf)
+            high = np.where(is_known, centre + reach, np.inf)
+            conditions.append(Condition(points[..., axis], low, high))
         return self._clipped(box, conditions)
 
+    def _bends(self, strip: Strips, Y: Array) -> tuple[Index, Array, Array]:
+        """Return nodes that bend (n, B), and YK and radius of these and of s (n, …, B + 1).
+
+        Boxes with fewer bends are padded.
+        """
+        bends = int(np.count_nonzero(strip.radius > 0.0, axis=-1).max(initial=0))
+        order = np.argpartition(-strip.radius, min(bends, self.m - 1), axis=-1)
+        node = order[:, :bends]
+        radius = np.take_along_axis(strip.radius, node, -1)
+        by_zeta = np.take_along_axis(strip.W[..., 1], node, -1)
+        weight = (self.c[node] * by_zeta)[:, None, :]
+        YK = np.take_along_axis(Y, node[:, None, :], -1) * weight
+        if np.any(by_zeta < 1.0):
+            by_slip = (1.0 - by_zeta)[:, None, :]
+            YK += (Y @ self.A[:, node].transpose(1, 0, 2)) * by_slip
+        YK = np.append(YK, (Y @ self.change)[..., None], axis=-1)
+        radius = np.append(radius, np.ones((len(radius), 1)), axis=-1)
+        return node, YK, radius
+
     def reduced(self, box: Boxes) -> Boxes:
-        """The boxes made smaller until that pays no more; those without a solution fall out."""
+        """Return boxes made smaller until that pays no more, without the empty ones."""
         done = []
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             if not len(box.low):
                 break
-            size, box = box.size, self.row_steps(box)
-            box, size = box.take(box.alive), size[box.alive]
+            old_size = box.size
+            box = self.row_steps(box)
+            alive = box.alive
+            box, old_size = box.take(alive), old_size[alive]
             strip = self.strips(box)
             straight = strip.straight
             if not straight.all():
-                fresh = self.strip_step(box.take(~straight), strip.take(~straight))
-                box.low[~straight], box.high[~straight] = fresh.low, fresh.high
-            ends, alive = straight | (box.size > _ENOUGH * size), box.alive
-            done.append(box.take(ends & alive))
-            box = box.take(alive & ~ends)
+                smaller = self.strip_step(box.take(~straight), strip.take(~straight))
+                box.low[~straight], box.high[~straight] = smaller.low, smaller.high
+            alive = box.alive
+            is_done = straight | (box.size > _MAX_LEFT * old_size)
+            done.append(box.take(is_done & alive))
+            box = box.take(alive & ~is_done)
         return joined([*done, box])
 
     def search(self, limits: Limits) -> Cells:
-        """All cells that may hold a solution, problem by problem within limits; depth first, so
-        that few boxes wait."""
-        count, batch = len(self.load), max(1, min(512, _MEMORY // self.m**2))
-        boxes, spent, stopped = (
-            np.zeros(count, dtype=np.intp),
-            np.zeros(count),
-            np.zeros(count, dtype=bool),
-        )
-        last = np.broadcast_to(
-            self.last if len(self.last) == 1 else self.last[self.kind], (count, self.m)
-        )
-        waiting, found = (
-            Boxes(np.arange(count), np.zeros(last.shape), last.astype(float)),
-            list[Index](),
-        )
+        """Return all cells that may hold a solution, problem by problem within limits.
+
+        The search goes depth first, so that few boxes wait.
+        """
+        count = len(self.load)
+        batch = max(1, min(512, _MAX_ENTRIES // self.m**2))
+        boxes = np.zeros(count, dtype=np.intp)
+        seconds = np.zeros(count)
+        stopped = np.zeros(count, dtype=bool)
+        side_counts = self.rows_of(self.side_counts, np.arange(count))
+        full = np.broadcast_to(side_counts, (count, self.m)).astype(float)
+        waiting = Boxes(np.arange(count), np.zeros(full.shape), full)
+        cells = list[Index]()
         while len(waiting.low):
-            began, rest = time.perf_counter(), max(0, len(waiting.low) - batch)
-            waiting, box = waiting.take(slice(rest)), waiting.take(slice(rest, None))
+            began = time.perf_counter()
+            first = max(0, len(waiting.low) - batch)
+            box = waiting.take(slice(first, None))
+            waiting = waiting.take(slice(first))
             np.add.at(boxes, box.problem, 1)
-            stopped[box.problem] |= (boxes[box.problem] > limits.boxes) | (
-                spent[box.problem] > limits.seconds
-            )
+            has_too_many = boxes[box.problem] > limits.boxes
+            is_too_slow = seconds[box.problem] > limits.seconds
+            stopped[box.problem] |= has_too_many | is_too_slow
             box = box.take(~stopped[box.problem])
-            own, box = box.problem, self.reduced(box)
+            problems_of_batch = box.problem
+            box = self.reduced(box)
             strip = self.strips(box)
-            cell, bent = box.take(strip.straight), ~strip.straight
-            sides = np.minimum(
-                np.floor(cell.low + 0.5 * self.slack).astype(np.intp), last[cell.problem] - 1
-            )
-            found.append(np.column_stack([cell.problem, sides]))
-            box, vertex, i = (
-                box.take(bent),
-                strip.vertex[bent],
-                np.argmax(strip.weight[bent], axis=-1),
-            )
-            n, below, above = np.arange(len(i)), box.high.copy(), box.low.copy()
-            below[n, i] = above[n, i] = vertex[n, i]
-            waiting = joined([waiting, box._replace(high=below), box._replace(low=above)])
-            np.add.at(spent, own, (time.perf_counter() - began) / max(1, len(own)))
-        cells = np.unique(np.concatenate(found), axis=0)
-        return Cells(cells[:, 0], cells[:, 1:], boxes, stopped)
+            straight = strip.straight
+            cells.append(self._cells(box.take(straight)))
+            halves = _halves(box.take(~straight), strip.take(~straight))
+            waiting = joined([waiting, *halves])
+            duration = time.perf_counter() - began
+            np.add.at(seconds, problems_of_batch, duration / max(1, len(problems_of_batch)))
+        distinct = np.unique(np.concatenate(cells), axis=0)
+        return Cells(distinct[:, 0], distinct[:, 1:], boxes, stopped)
+
+    def _cells(self, box: Boxes) -> Index:
+        """Return (n, 1 + m) the problem and the sides of boxes on one side each."""
+        last_side = self.rows_of(self.side_counts, box.problem) - 1
+        side = np.floor(box.low + 0.5 * self.slack).astype(np.intp)
+        return np.column_stack([box.problem, np.minimum(side, last_side)])
 
     def segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
-        """The exact segment of every cell, of which the nodes are on these sides (n, m), for loads
-        (n or 1, m) from s = 0 to 1.
+        """Return the exact segment of solutions of every cell.
 
-        Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one
-        line x = α + γ σ, σ along the direction of the line, about, which the last row of B = [N;
-        γᵀ] adds; it is cut by the ends 0 and 1. Where the load stands still it is the solution of
-        the cell, from s = 0 to 1. Proof: with Y the inverse of B, ‖I − YB‖ < 0.01 bounds the error
-        of every coordinate; `one` and `none` hold whatever rounding does within that. Sources:
-        Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots);
-        Rump, Acta Numer. 19 (2010) 287–449, §10 (verified linear systems).
+        Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r. They
+        are a line x = α + γ σ, σ along the direction of the line, about, which the last row of
+        B = [N; γᵀ] adds. It is cut by the ends 0 and 1. Where the load stands still it is the
+        solution of the cell, from s = 0 to 1. Proof: with Y the inverse of B, ‖I − YB‖ < 0.01
+        bounds the error of every coordinate; `has_segment` and `is_empty` hold whatever rounding
+        does within that. Sources: Cottle, Pang & Stone, The Linear Complementarity Problem (1992),
+        §2.3 (principal pivots); Rump, Acta Numer. 19 (2010) 287–449, §10 (verified linear systems).
+
+        sides: (n, m) of the cells;  load: (n or 1, m) at s = 0;  per_s: (m,) load per s
         """
-        step = max(1, _MEMORY // (8 * self.m**2))
-        cuts = (slice(first, first + step) for first in range(0, max(len(sides), 1), step))
-        parts = [
-            self._segments(problem[i], sides[i], load[i] if len(load) > 1 else load, per_s)
-            for i in cuts
-        ]
+        step = max(1, _MAX_ENTRIES // (8 * self.m**2))
+        parts = []
+        for first in range(0, max(len(sides), 1), step):
+            part = slice(first, first + step)
+            part_load = load[part] if len(load) > 1 else load
+            parts.append(self._segments(problem[part], sides[part], part_load, per_s))
         return Segments(*map(np.concatenate, zip(*parts, strict=True)))
 
     def _segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
-        (n, m), c, rows = sides.shape, self.c, np.arange(len(sides))
-        p = self.at(problem, sides.astype(float))
-        D = self.at(problem, sides.astype(float) + 1.0) - p
-        M, size, scale = self.matrix(D)
-        l_1, largest = np.abs(per_s), np.abs(p) + np.abs(D)
-        widest = np.full((n, 1), l_1.max()) if np.any(l_1) else scale.max(axis=-1, keepdims=True)
-        scale = np.concatenate([scale, widest], axis=-1)
-        N = np.concatenate([M, np.broadcast_to(-per_s[:, None], (n, m, 1))], axis=-1)
+        """Return the segments of cells that are few enough to be solved together."""
+        m = self.m
+        start = self.points_at(problem, sides.astype(float))
+        chord = self.points_at(problem, sides.astype(float) + 1.0) - start
+        line = self._line(start, chord, load, per_s)
+        has_segment, is_empty, coordinate, ends = _cut(line)
+        sigma = np.where(np.isfinite(ends), ends, 0.0)
+        x = line.alpha[:, None] + line.gamma[:, None] * sigma[..., None]
+        facets = np.stack([~line.rises, line.rises], axis=1).astype(float)
+        x = np.where(np.arange(m + 1) == coordinate[..., None], facets, x)
+        u = start[:, None, :, 0] + x[..., :m] * chord[:, None, :, 0]
+        return Segments(has_segment, is_empty, u, x[..., m], coordinate == m)
+
+    def _line(self, start: Array, chord: Array, load: Array, per_s: Array) -> SolutionLine:
+        """Return the lines of the solutions of cells, whose sides go from `start` by `chord`."""
+        n, m = len(start), self.m
+        M, size, scale = self.matrix(chord)
+        size_per_s = np.abs(per_s)
+        scale_of_s = scale.max(axis=-1, keepdims=True)
+        if np.any(size_per_s):
+            scale_of_s = np.full((n, 1), size_per_s.max())
+        scale = np.concatenate([scale, scale_of_s], axis=-1)
+        column_of_s = np.broadcast_to(-per_s[:, None], (n, m, 1))
+        N = np.concatenate([M, column_of_s], axis=-1)
         unit = np.abs(N / scale[:, None]).max(axis=-1)
         unit[unit == 0.0] = 1.0
         N /= unit[..., None]
-        line = np.linalg.qr((N / scale[:, None]).swapaxes(1, 2), mode="complete")[0][..., m] * scale
+        columns = (N / scale[:, None]).swapaxes(1, 2)
+        basis, _ = np.linalg.qr(columns, mode="complete")
+        direction = basis[..., m] * scale
 
         def products(w: Array) -> Array:
-            return np.column_stack(
-                [(size(w[:, :m]) + l_1 * w[:, m:]) / unit, np.sum(np.abs(line * w), axis=-1)]
-            )
+            equations = (size(w[:, :m]) + size_per_s * w[:, m:]) / unit
+            return np.column_stack([equations, np.sum(np.abs(direction * w), axis=-1)])
 
-        Y, share = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
-        r = (load - p[..., 0] @ self.A - c * p[..., 1]) / unit
-        off = self.rounding(largest[..., 0], largest[..., 1], np.abs(load)) / unit
-        alpha, gamma = (Y[..., :m] @ r[..., None])[..., 0], Y[..., m]
-        noise, far = (
-            (np.abs(Y[..., :m]) @ off[..., None])[..., 0],
-            np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True),
+        B = np.concatenate([N, direction[:, None]], axis=1)
+        Y, share = inverse_of(B, products, scale)
+        r = (load - start[..., 0] @ self.A - self.c * start[..., 1]) / unit
+        largest = np.abs(start) + np.abs(chord)
+        error = self.rounding(largest[..., 0], largest[..., 1], np.abs(load)) / unit
+        alpha = _product(Y[..., :m], r)
+        gamma = Y[..., m]
+        noise = _product(np.abs(Y[..., :m]), error)
+        length = np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
+        terms = np.abs(alpha) + noise + length * np.abs(gamma)
+        is_proved = np.isfinite(share)
+        proved_share = np.where(is_proved, share, 0.0)
+        noise += proved_share[:, None] * terms.max(axis=-1, keepdims=True)
+        return SolutionLine(
+            alpha=alpha / scale,
+            gamma=gamma / scale,
+            noise=noise / scale,
+            rises=gamma > 0.0,
+            is_flat=length * np.abs(gamma) <= noise,
+            is_proved=is_proved,
         )
-        terms = np.abs(alpha) + noise + far * np.abs(gamma)
-        proved = np.isfinite(share)
-        noise += np.where(proved, share, 0.0)[:, None] * terms.max(axis=-1, keepdims=True)
-        flat, rising = far * np.abs(gamma) <= noise, gamma > 0.0
-        alpha, gamma, noise = alpha / scale, gamma / scale, noise / scale
-        off_middle, slack = np.abs(alpha - 0.5), 2.0 * noise
-        with np.errstate(divide="ignore", invalid="ignore"):
-            to_0, to_1, error = (
-                -alpha / gamma,
-                (1.0 - alpha) / gamma,
-                np.where(flat, 0.0, noise / np.abs(gamma)),
-            )
-        never = np.where(off_middle > 0.5 + slack, np.inf, -np.inf)
-        enter = np.where(flat, never, np.where(rising, to_0, to_1))
-        leave = np.where(flat, -never, np.where(rising, to_1, to_0))
-        out = (enter - error).max(axis=-1) > (leave + error).min(axis=-1)
-        sure = (enter + error).max(axis=-1) < (leave - error).min(axis=-1)
-        sure &= (~flat | (off_middle < 0.5 - slack)).all(axis=-1)
-        node = np.stack([np.argmax(enter, axis=-1), np.argmin(leave, axis=-1)], axis=1)
-        ends = np.stack([enter[rows, node[:, 0]], leave[rows, node[:, 1]]], axis=1)
-        later, sooner = (
-            enter + error,
-            leave - error,
-        )  # which facet comes first has to be sure as well
-        later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
-        sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
-        sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
-        none, one = out & proved, sure & proved
-        x = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(ends), ends, 0.0)[..., None]
-        facets = np.stack([~rising, rising], axis=1).astype(float)
-        x = np.where(np.arange(m + 1) == node[..., None], facets, x)
-        u = p[:, None, :, 0] + x[..., :m] * D[:, None, :, 0]
-        return Segments(one, none, u, x[..., m], node == m)
+
+
+def _off_chord(distance: Array, along: Array, rise: Array, run: Array, is_inside: Flags) -> Array:
+    """Return (n, m, V) distances of inner vertices from a chord, inf from an upright one.
+
+    distance, along: of the vertices from the start of the chord;  rise, run: of the chord, likewise
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.where(is_inside, distance - (rise / run)[..., None] * along, 0.0)
+    return np.where(np.isfinite(off), off, np.inf)
+
+
+def _range_with_0(values: Array) -> tuple[Array, Array]:
+    return np.minimum(values.min(-1), 0.0), np.maximum(values.max(-1), 0.0)
+
+
+def _halves(box: Boxes, strip: Strips) -> tuple[Boxes, Boxes]:
+    """Return boxes cut at the vertex of their heaviest bend."""
+    row = np.arange(len(box.low))
+    node = np.argmax(strip.weight, axis=-1)
+    below = box.high.copy()
+    above = box.low.copy()
+    below[row, node] = above[row, node] = strip.vertex[row, node]
+    return box._replace(high=below), box._replace(low=above)
+
+
+def _cut(line: SolutionLine) -> tuple[Flags, Flags, Index, Array]:
+    """Return the segments of lines where all coordinates are between 0 and 1.
+
+    These are (has_segment (n,), is_empty (n,), coordinate (n, 2) that ends a segment, σ (n, 2)
+    there).
+    """
+    alpha, gamma, is_flat = line.alpha, line.gamma, line.is_flat
+    row = np.arange(len(alpha))
+    from_middle = np.abs(alpha - 0.5)
+    slack = 2.0 * line.noise
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_0 = -alpha / gamma
+        to_1 = (1.0 - alpha) / gamma
+        error = np.where(is_flat, 0.0, line.noise / np.abs(gamma))
+    never = np.where(from_middle > 0.5 + slack, np.inf, -np.inf)
+    enter = np.where(is_flat, never, np.where(line.rises, to_0, to_1))
+    leave = np.where(is_flat, -never, np.where(line.rises, to_1, to_0))
+    latest = enter + error
+    earliest = leave - error
+    is_empty = (enter - error).max(axis=-1) > (leave + error).min(axis=-1)
+    is_sure = latest.max(axis=-1) < earliest.min(axis=-1)
+    is_sure &= (~is_flat | (from_middle < 0.5 - slack)).all(axis=-1)
+
+    # which coordinate ends the segment has to be sure as well
+    first = np.argmax(enter, axis=-1)
+    final = np.argmin(leave, axis=-1)
+    begin = enter[row, first]
+    end = leave[row, final]
+    latest[row, first] = -np.inf
+    earliest[row, final] = np.inf
+    is_sure &= latest.max(axis=-1) < begin - error[row, first]
+    is_sure &= earliest.min(axis=-1) > end + error[row, final]
+    coordinate = np.stack([first, final], axis=1)
+    ends = np.stack([begin, end], axis=1)
+    return is_sure & line.is_proved, is_empty & line.is_proved, coordinate, ends
 
 
 def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:
-    """(vertices (G, m, V, 2) of the filled graphs between −reach and reach, number of their sides
-    (G, m)).
+    """Return (vertices (G, m, V, 2), side counts (G, m)) of filled graphs from −reach to reach.
 
-    index: (G, m) which of the laws a node has. Jumps that are rounding are none; short polygons
-    repeat their end.
+    Jumps that are rounding are left out. Short polygons repeat their end.
+
+    index: (G, m) which of the laws a node has
     """
-    inner = []
-    for law in laws.laws:
-        jump = law.kind_above[:-1] != BEND
-        s, b = np.repeat(law.kinks, 1 + jump), np.stack([law.b_left, law.b_right], -1)
-        inner.append(np.column_stack([s, b[np.column_stack([np.full(len(jump), True), jump])]]))
-    count = np.array([len(vertices) for vertices in inner], dtype=np.intp)
-    points = np.empty((*index.shape, int(count.max()) + 2, 2))
+    inner = [_inner_vertices(law) for law in laws.laws]
+    counts = np.array([len(vertices) for vertices in inner], dtype=np.intp)
+    points = np.empty((*index.shape, int(counts.max()) + 2, 2))
+    reach = np.broadcast_to(reach, index.shape)
     for k, (law, vertices) in enumerate(zip(laws.laws, inner, strict=True)):
-        at = index == k
-        far = np.maximum(
-            np.broadcast_to(reach, index.shape)[at], 2.0 * np.max(np.abs(law.kinks), initial=0.0)
-        )
-        tails = [
-            np.stack([s, law.value(s, piece)], -1)
-            for s, piece in ((-far, 0), (far, len(law.q) - 1))
-        ]
-        rows = np.repeat(tails[1][:, None], points.shape[2], axis=1)
-        rows[:, 0], rows[:, 1 : 1 + len(vertices)] = tails[0], vertices
-        points[at] = rows
-    return points, count[index] + 1
+        has_law = index == k
+        farthest_kink = np.max(np.abs(law.kinks), initial=0.0)
+        end = np.maximum(reach[has_law], 2.0 * farthest_kink)
+        first = np.stack([-end, law.value(-end, 0)], -1)
+        last_piece = len(law.q) - 1
+        final = np.stack([end, law.value(end, last_piece)], -1)
+        rows = np.repeat(final[:, None], points.shape[2], axis=1)
+        rows[:, 0] = first
+        rows[:, 1 : 1 + len(vertices)] = vertices
+        points[has_law] = rows
+    return points, counts[index] + 1
+
+
+def _inner_vertices(law: Laws) -> Array:
+    """Return the vertices (s, b) of the filled graph of one law at its kinks, two at a jump."""
+    is_jump = law.kind_above[:-1] != BEND
+    s = np.repeat(law.kinks, 1 + is_jump)
+    b = np.stack([law.b_left, law.b_right], -1)
+    is_vertex = np.column_stack([np.full(len(is_jump), True), is_jump])
+    return np.column_stack([s, b[is_vertex]])
 
 
 def reach_of(c: Array, laws: Laws, loads: Array, lambda_1: float) -> Array:
-    """(m,) bounds of |v_i| for every solution with one of the loads (P, m) [m].
+    """Return (m,) bounds of |v_i| for every solution with one of the loads (P, m) [m].
 
     A hundredth more than the energy allows, for the rounding of λ₁.
     """
-    push = float(np.max(largest_push(laws)[laws.index], initial=0.0))
-    load = float(np.sqrt(np.max((loads**2) @ (1.0 / c), initial=0.0)))
+    push_of_law = largest_push(laws)
+    push = float(np.max(push_of_law[laws.index], initial=0.0))
+    squares = (loads**2) @ (1.0 / c)
+    load = float(np.sqrt(np.max(squares, initial=0.0)))
     return 1.01 * energy_reach(load, push, c, lambda_1)

@@ -74,7 +74,8 @@ def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
     steps = 0
     while True:
         has_length = ends[0] < ends[1]
-        law, ends = law[has_length], ends[:, has_length]
+        law = law[has_length]
+        ends = ends[:, has_length]
         law_of_end = tables.at(law)
         begin, end = ends
         mean_b = law_of_end.integral(begin, end) / (end - begin)
@@ -84,8 +85,10 @@ def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
         has_arc = (end[:-1] < begin[1:]) | (sigma[:-1] < sigma[1:])
         is_apart = is_new_law | has_arc
         if not np.all(is_apart):
-            is_first, is_last = np.append(True, is_apart), np.append(is_apart, True)
-            law, ends = law[is_first], np.stack([begin[is_first], end[is_last]])
+            is_first = np.append(True, is_apart)
+            is_last = np.append(is_apart, True)
+            law = law[is_first]
+            ends = np.stack([begin[is_first], end[is_last]])
         elif is_exact or steps == _MAX_TANGENT_STEPS:
             break
         else:
@@ -121,7 +124,8 @@ def _sampled_tangents(tables: Laws, rows: Index, kappa: float) -> tuple[Index, A
     They are sorted by law and from left to right.
     """
     s, law, piece, rank = _samples(tables, rows, kappa)
-    h = tables.at(law).integral(np.zeros(len(s)), s) + 0.5 * kappa * s**2
+    j = tables.at(law).integral(np.zeros(len(s)), s)
+    h = j + 0.5 * kappa * s**2
     hull = np.arange(len(s))
     while True:
         same_law = law[hull][1:] == law[hull][:-1]
@@ -139,7 +143,8 @@ def _sampled_tangents(tables: Laws, rows: Index, kappa: float) -> tuple[Index, A
     is_steep = np.minimum(first_slope, last_slope) < -kappa
     skips_samples = rank[end] > rank[begin] + 1
     is_tangent = is_steep | skips_samples
-    begin, end = begin[is_tangent], end[is_tangent]
+    begin = begin[is_tangent]
+    end = end[is_tangent]
     return law[begin], np.stack([s[begin], s[end]])
 
 
@@ -150,7 +155,8 @@ def _samples(tables: Laws, rows: Index, kappa: float) -> tuple[Array, Index, Ind
     high = np.clip(tables.upper[rows], -reach, reach)
     share = np.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
     s = low[..., None] + share * (high - low)[..., None]
-    is_used = np.broadcast_to((low < high)[..., None], s.shape).copy()
+    has_width = low < high
+    is_used = np.broadcast_to(has_width[..., None], s.shape).copy()
     is_used[:, 1:, 0] &= tables.kinds[rows] != DOWN  # no tangent touches a down-jump
     law = np.broadcast_to(rows[:, None, None], s.shape)
     piece = np.broadcast_to(tables.addresses[rows][..., None], s.shape)
@@ -180,7 +186,8 @@ def _assembled(
     table_row = np.concatenate([kept_piece // tables.q.shape[1], law, law[has_remainder]])
     start = np.concatenate([tables.lower.take(kept_piece), begin, end[has_remainder]])
     order = np.lexsort([start, table_row])
-    table_row, start = table_row[order], start[order]
+    table_row = table_row[order]
+    start = start[order]
     rank = np.arange(len(table_row)) - np.searchsorted(table_row, table_row)
     largest_rank = int(np.max(rank, initial=0))
     width = max(tables.q.shape[1], largest_rank + 1)
@@ -253,7 +260,9 @@ def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
         kappa = GROWTH * kappa
         is_first = False
         still_open = np.flatnonzero(has_line & (kappa < max_kappa[active]))
-        rows, active, v = rows.take(still_open), active[still_open], end.v[still_open]
+        rows = rows.take(still_open)
+        active = active[still_open]
+        v = end.v[still_open]
     return starts, is_lowest
 
 
@@ -323,7 +332,9 @@ def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tu
     push:  how hard friction may push the slip on [Pa]
     """
     law = np.broadcast_to(laws.index, v.shape)[:, None]
-    v, force, k = v[:, None], force[:, None], k[:, None]
+    v = v[:, None]
+    force = force[:, None]
+    k = k[:, None]
     piece = laws.first[law] + np.arange(laws.q.shape[1])
     kinks = laws.upper.take(piece)
     # friction opposes slip, but for its push
@@ -333,7 +344,8 @@ def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tu
     high = np.clip(kinks, v - reach, v + reach)
     has_width = low < high
     anchor = laws.s_0.take(piece)
-    low, high = np.where(has_width, low, anchor), np.where(has_width, high, anchor)
+    low = np.where(has_width, low, anchor)
+    high = np.where(has_width, high, anchor)
     candidates = [np.where(np.isfinite(kinks), kinks, v)]
     steps = 8 if laws.exponentials else 1
     for s in (low, high):

@@ -343,7 +343,7 @@ def all_branches(
     sides = np.unique(np.concatenate([cells.sides, *listed_sides]), axis=0)
     first_load = problem.load(low)[None]
     segments = boxes.segments(np.zeros(len(sides), dtype=np.intp), sides, first_load, load_range)
-    undecided = int(np.count_nonzero(~(segments.one | segments.none)))
+    undecided = int(np.count_nonzero(~(segments.has_segment | segments.is_empty)))
     branches, missing = _followed(problem, low, high, sides, segments)
 
     solutions_at_low = 0
@@ -374,10 +374,10 @@ def _followed(
 
     sides: (n, m) cells of the segments
     """
-    cells = [row.tobytes() for row in sides[segments.one]]
-    u = segments.u[segments.one]
-    s = segments.s[segments.one]
-    open_end = segments.open_end[segments.one]
+    cells = [row.tobytes() for row in sides[segments.has_segment]]
+    u = segments.u[segments.has_segment]
+    s = segments.s[segments.has_segment]
+    open_end = segments.open_end[segments.has_segment]
     side_of_code = sides_of_codes(problem.law)
     follower = Follower(low, high, MAX_PIECES)
     branches = list[Path]()
