@@ -1,18 +1,32 @@
 """Certificates against exhaustive search: nothing that is certified may be contradicted."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import (
+    as_row,
     bends_below_tangent,
     certify,
+    certify_rows,
     definite,
+    energy_reach,
+    far,
+    largest_push,
+    least_slopes,
+    positive_definite,
     quotient,
+    row_of,
     solution_boxes,
+    start_excess,
+    strict_minimum,
+    value_range,
 )
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem
 from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import tresca
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
 from tests.contact.random_polygons import by_brute_force
@@ -42,19 +56,25 @@ def test_no_certificate_is_contradicted(m: int, max_kinks: int, count: int) -> N
 @pytest.mark.parametrize("smooth", [False, True])
 def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
     """Sampled at many slips and at the kinks; the bound is attained (exponential pieces: to a
-    tenth)."""
+    tenth). Fewer parts bound it too; lower bounds stay below."""
     reach = np.outer([-1.0, 1.0], np.geomspace(3e-5, 2.0, 2000)).ravel()
     for seed in range(12):
         rng = np.random.default_rng([seed, int(smooth)])
         law = cases.random_law(rng, 1.0, 9, smooth)
         slips = np.array([law.kinks[0], *rng.uniform(-1.0, 1.5, 3)])
-        bends, _ = bends_below_tangent(law, slips, law.b(slips), slips - 2.0, slips + 2.0)
-        for v, zeta, bend in zip(slips, law.b(slips), bends, strict=True):
+        box = law.b(slips), slips - 2.0, slips + 2.0
+        bends, lower = bends_below_tangent(law, slips, *box)
+        coarse, _ = bends_below_tangent(law, slips, *box, parts=1)
+        for v, zeta, bend, least, most in zip(
+            slips, law.b(slips), bends, lower, coarse, strict=True
+        ):
             kinks = law.kinks[(np.abs(law.kinks - v) > 3e-5) & (np.abs(law.kinks - v) < 2.0)]
             u = np.concatenate([reach, kinks - v])
             gap = zeta * u - law.integral(np.full(len(u), v), v + u)
             sampled = np.max(2.0 * gap / u**2)
-            assert sampled <= bend + 1e-6 * (1.0 + abs(sampled))
+            slack = 1e-6 * (1.0 + abs(sampled))
+            assert sampled <= min(bend, most) + slack
+            assert least <= sampled + (1e-2 * abs(sampled) if smooth else slack)
             assert not 0.1 < bend < np.inf or sampled >= bend * (0.9 if smooth else 0.99)
 
 
@@ -135,3 +155,134 @@ def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_
     gap, none, flat = np.array([1.0, -1.0]), np.zeros(2), np.array([1e-310, -1e-310])
     largest = quotient(gap, none, flat, np.ones(2), np.full(2, 3.0))
     assert largest == pytest.approx([2.0, -2.0 / 16.0], rel=1e-15)
+
+
+TWO_NODES = np.array([[2.0, -1.0], [-1.0, 2.0]])
+
+
+def test_a_box_around_the_only_solution_shrinks_to_it() -> None:
+    """Ã v = l̃ − ½ c where both nodes slip forward, in closed form; 17 is ‖l̃/c‖², c-weighted."""
+    load, c = np.array([3.0, 4.0]), np.array([1.0, 2.0])
+    problem = ContactProblem(TWO_NODES, load, c, tresca(0.5))
+    expected = np.array([8.0, 8.5]) / 3.0
+    for sign in (1.0, -1.0):
+        rows = ContactProblem(TWO_NODES, sign * load, c, tresca(0.5)).rows
+        [low], [high] = solution_boxes(rows)
+        assert low == pytest.approx(sign * expected, rel=1e-9)
+        assert high == pytest.approx(sign * expected, rel=1e-9)
+        assert np.all(low < high)
+    reach = energy_reach(np.sqrt(17.0), 0.5, c, problem.lambda_1)
+    lambda_1 = 1.5 - np.sqrt(0.75)
+    radius = (np.sqrt(17.0) + 0.5 * np.sqrt(3.0)) / lambda_1
+    assert reach == pytest.approx([radius, radius / np.sqrt(2.0)], rel=1e-5)
+    assert np.all(reach > [radius, radius / np.sqrt(2.0)])
+
+
+def test_a_softening_node_on_its_plateau_has_a_certificate_in_closed_form() -> None:
+    """v + b(v) = 1.3 on b = ½: ω = 5 exceeds λ₁ = 1, yet the box proves that v = 0.8 is unique."""
+    law, error = cases.slip_weakening(), 1e-6
+    problem = ContactProblem(np.eye(1), np.array([1.3]), np.ones(1), law, A_error=1e-9)
+    proved = certify(problem, np.array([0.8 + error]), tolerance=1e-3)
+    assert (proved.omega, proved.lambda_1, proved.margin) == pytest.approx((5.0, 1.0, -4.0))
+    assert proved.lambda_1_error == pytest.approx(1e-9, rel=1e-3)
+    assert not proved.convex
+    assert proved.unique
+    assert proved.strict_minimum
+    assert proved.global_minimum
+    assert proved.residual == pytest.approx(error)
+    assert proved.energy_gap == pytest.approx(error**2 / (2.0 * MARGIN), rel=1e-6)
+    missed = certify(problem, np.array([0.8 + error]), tolerance=1e-9)
+    assert missed.unique
+    assert not missed.strict_minimum
+    assert not missed.global_minimum
+    assert np.isnan(missed.energy_gap)
+    known = certify(problem, np.array([0.8]), lambda_1=2.0, inverse=np.eye(1), residual=0.0)
+    assert (known.lambda_1, known.lambda_1_error, known.residual) == (2.0, 1e-9, 0.0)
+
+
+@pytest.mark.parametrize("ratio", [1.0 - 1e-3, 1.0 + 1e-3])
+def test_definiteness_turns_where_the_body_is_as_stiff_as_the_law_softens(ratio: float) -> None:
+    """Ã − t C ≻ 0 if and only if t < λ₁, on all nodes and on one; a sliding node is a strict
+    minimum if Ã exceeds 5, and its problem is convex if λ₁ does."""
+    c = np.array([1.0, 2.0])
+    problem = ContactProblem(TWO_NODES, np.zeros(2), c, tresca(0.5))
+    lambda_1 = problem.lambda_1
+    slope = np.full(2, -ratio * lambda_1)
+    body = CondensedBody.of(TWO_NODES, c)
+    assert definite(body, np.stack([slope, 0.5 * slope])).tolist() == [ratio < 1.0, True]
+    assert positive_definite(problem, slope, lambda_1) == (ratio < 1.0)
+    one = np.array([1])
+    assert positive_definite(problem, np.array([-ratio]), lambda_1, one) == (ratio < 1.0)
+    stiffness = 5.0 / ratio
+    sliding = ContactProblem(
+        np.array([[stiffness]]), np.array([0.05 * stiffness + 0.75]), np.ones(1),
+        cases.slip_weakening(),
+    )  # fmt: skip
+    v = np.array([0.05])
+    assert strict_minimum(sliding.rows, v[None]).tolist() == [ratio < 1.0]
+    assert certify(sliding, v).convex == (ratio < 1.0)
+
+
+def test_least_slopes_and_pushes_in_closed_form() -> None:
+    law = cases.slip_weakening()
+    low, high = np.array([0.02, 0.2, -1.0, -0.05]), np.array([0.03, 1.0, 1.0, -0.02])
+    at_slips = law.tables.at(np.zeros(4, dtype=int))
+    assert least_slopes(at_slips, low, high) == pytest.approx([-5.0, 0.0, -5.0, -5.0])
+    least, largest = value_range(at_slips, low, high)
+    assert least == pytest.approx([0.85, 0.5, -1.0, -0.9])
+    assert largest == pytest.approx([0.9, 0.5, 1.0, -0.75])
+    drop = cases.linear_law("drop", [0.0, 1.0], [-1.0, 0.2], [1.0, -3.0], (0.0, 0.0))
+    step = drop.tables.at(np.zeros(1, dtype=int))
+    assert least_slopes(step, np.array([0.5]), np.array([1.5])) == -np.inf
+    assert far(drop) == pytest.approx(2.0)
+    assert far(cases.exponential_decay()) == pytest.approx(40.0 * 0.1)
+    for pushing in (drop, drop.mirrored):
+        assert largest_push(pushing) == pytest.approx(3.0)
+
+
+def test_a_record_of_rows_is_taken_apart_and_put_together() -> None:
+    rows = ContactProblem(np.eye(2), np.array([[0.1, 0.2], [2.0, 3.0]]), np.ones(2), tresca(1.0))
+    rows = ContactProblem.on(rows.body, rows.l_tilde, rows.law.tables.at([[0], [0]]))
+    certificates = certify_rows(rows, np.array([[0.0, 0.0], [1.0, 2.0]]))
+    assert certificates.global_minimum.tolist() == [True, True]
+    second = row_of(certificates, 1)
+    assert second.margin == certificates.margin[1]
+    again = as_row(second)
+    assert again.margin.shape == (1,)
+    assert astuple(row_of(again, 0)) == astuple(second)
+    assert as_row(None) is None
+    assert row_of(None, 0) is None
+
+
+def test_a_quotient_has_its_largest_value_inside_or_at_an_end() -> None:
+    """2 (gap + excess w − ½ slope w²)/(distance + w)² against samples; at v itself its limit."""
+    rng = np.random.default_rng(4)
+    gap, excess, slope = rng.normal(size=(3, 200))
+    distance, width = rng.uniform(0.1, 2.0, (2, 200))
+    w = np.linspace(0.0, 1.0, 2001)[:, None] * width
+    values = 2.0 * (gap + excess * w - 0.5 * slope * w**2) / (distance + w) ** 2
+    largest = quotient(gap, excess, slope, distance, width)
+    assert np.all(largest >= np.max(values, axis=0) - 1e-12 * np.abs(largest))
+    assert largest == pytest.approx(np.max(values, axis=0), rel=1e-4, abs=1e-4)
+    zero, excess = np.zeros(2), np.array([0.1, -0.2])
+    at_v = quotient(zero, excess, np.array([3.0, 3.0]), zero, np.array([4.0, 4.0]))
+    assert at_v.tolist() == [np.inf, pytest.approx(-0.1 - 3.0)]
+    zeta = np.array([1.0, 1.0 + 1e-15, 1.0, 0.4])
+    excess = start_excess(np.array([1.0, 1.0, 1.0 + 1e-15, 1.0]), zeta)
+    assert excess == pytest.approx([0.0, 0.0, 0.0, -0.6], abs=3e-15)
+    assert np.max(excess) == 0.0
+
+
+def test_laws_by_node_leave_the_margin_of_their_own_slopes() -> None:
+    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) exceeds λ₁ − ω, and can be positive where that is negative."""
+    c = np.array([1.0, 2.0])
+    laws = Laws.of([cases.slip_weakening(), tresca(0.5)])
+    for stiffness, is_convex in ((5.0, True), (3.0, False)):
+        A = stiffness * TWO_NODES
+        scaled = A / np.sqrt(np.outer(c, c))
+        problem = ContactProblem(A, np.zeros(2), c, laws.at([0, 1]))
+        proved = certify(problem, np.zeros(2))
+        expected = np.linalg.eigvalsh(scaled - np.diag([5.0, 0.0]))[0]
+        assert proved.margin == pytest.approx(expected, rel=1e-12)
+        assert problem.lambda_1 < proved.omega
+        assert (expected > 0.0) == proved.convex == is_convex
