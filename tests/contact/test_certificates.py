@@ -65,6 +65,9 @@ def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
         box = law.b(slips), slips - 2.0, slips + 2.0
         bends, lower = bends_below_tangent(law, slips, *box)
         coarse, _ = bends_below_tangent(law, slips, *box, parts=1)
+        weaker = law.placed(2.0**-40)
+        scaled, _ = bends_below_tangent(weaker, slips, 2.0**-40 * box[0], *box[1:])
+        assert scaled == pytest.approx(2.0**-40 * bends, rel=1e-12)
         for v, zeta, bend, least, most in zip(
             slips, law.b(slips), bends, lower, coarse, strict=True
         ):
@@ -286,3 +289,11 @@ def test_laws_by_node_leave_the_margin_of_their_own_slopes() -> None:
         assert proved.margin == pytest.approx(expected, rel=1e-12)
         assert problem.lambda_1 < proved.omega
         assert (expected > 0.0) == proved.convex == is_convex
+
+
+def test_a_body_stiffer_by_less_than_the_margin_is_not_proved_convex() -> None:
+    """ω = 5 against λ₁ = 5 (1 + ½ MARGIN) and 5 (1 + 2 MARGIN)."""
+    for share, is_convex in ((0.5, False), (2.0, True)):
+        stiffness = np.array([[5.0 * (1.0 + share * MARGIN)]])
+        problem = ContactProblem(stiffness, np.zeros(1), np.ones(1), cases.slip_weakening())
+        assert certify(problem, np.zeros(1)).convex == is_convex
