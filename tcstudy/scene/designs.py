@@ -1,5 +1,4 @@
-"""Designs of experiments: points of the unit cube, and the distributions that turn them into values
-of parameters.
+"""Designs of experiments: points of the unit cube, and distributions of parameters.
 
 The same seed gives the same points to the bit, and the first points of a longer design are those of
 a shorter one: a design can grow. A Latin hypercube grows by doubling only; one of n points is a
@@ -13,9 +12,7 @@ Not here: which parameter has which distribution, and in which unit (`read.sweep
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +22,17 @@ Cube = NDArray[np.float64]
 SOBOL = "sobol"
 SALTELLI = "saltelli"
 DESIGNS = ("random", "latin-hypercube", SOBOL, SALTELLI)
-"""Modes of a sweep whose points are drawn."""
-LEAST = 2.0**-54
-"""In place of 0, where a distribution may have no finite value; no generator tells the two
-apart."""
+"""Modes of a sweep whose points are sampled."""
+MIN_QUANTILE = 2.0**-54
+"""In place of 0, where a distribution may have no finite value; no generator tells them apart."""
 
 
 @dataclass(frozen=True)
 class Design:
     """How the points of a study were drawn.
 
-    mode:   one of DESIGNS;  seed: of its random numbers
+    mode:   one of DESIGNS
+    seed:   of its random numbers
     points: n of the study; saltelli has n (d + 2) points for d parameters
     """
 
@@ -46,29 +43,34 @@ class Design:
     @property
     def note(self) -> str:
         """One sentence for those who plan a study."""
-        drawn = "base points" if self.mode == SALTELLI else "points"
-        said = f"{self.points} {drawn} drawn by {self.mode}, seed {self.seed}: a longer design begins with them"
+        points = "base points" if self.mode == SALTELLI else "points"
+        note = (
+            f"{self.points} {points} drawn by {self.mode}, seed {self.seed}: "
+            "a longer design begins with them"
+        )
         power = 2 ** math.ceil(math.log2(self.points))
         if self.mode in (SOBOL, SALTELLI) and power != self.points:
-            return f"{said}; a Sobol sequence is balanced at powers of two only: {power} points cover evenly"
-        return (
-            f"{said} if it has 2, 4, 8 … times as many" if self.mode == "latin-hypercube" else said
-        )
+            balance = f"balanced at powers of two only: {power} points cover evenly"
+            return f"{note}; a Sobol sequence is {balance}"
+        if self.mode == "latin-hypercube":
+            return f"{note} if it has 2, 4, 8 … times as many"
+        return note
 
 
 def count(mode: str, points: int, d: int) -> int:
-    """Points of a design of d parameters."""
+    """Return the number of points of a design of d parameters."""
     return points * (d + 2) if mode == SALTELLI else points
 
 
 def cube(design: Design, d: int) -> Cube:
-    """(P, d) points in (0, 1), P = `count`.
+    """Return (P, d) points in (0, 1), P = `count`.
 
     saltelli: d + 2 rows for each base point, A, B, and A with column i from B for i = 0 … d − 1,
     where [A B] is a Sobol sequence in 2 d dimensions (Saltelli et al., Comput. Phys. Commun. 181
     (2010) 259, doi 10.1016/j.cpc.2009.09.018).
     """
-    rng, n = np.random.default_rng(design.seed), design.points
+    rng = np.random.default_rng(design.seed)
+    n = design.points
     if design.mode == "random":
         u = rng.random((n, d))
     elif design.mode == "latin-hypercube":
@@ -76,18 +78,21 @@ def cube(design: Design, d: int) -> Cube:
     elif design.mode == SOBOL:
         u = _sobol(n, d, rng)
     else:
-        both = _sobol(n, 2 * d, rng)
-        rows = np.repeat(both[:, None, :d], d + 2, axis=1)
-        rows[:, 1] = both[:, d:]
+        base = _sobol(n, 2 * d, rng)
+        A = base[:, :d]
+        B = base[:, d:]
+        rows = np.repeat(A[:, None], d + 2, axis=1)
+        rows[:, 1] = B
         for i in range(d):
-            rows[:, 2 + i, i] = both[:, d + i]
+            rows[:, 2 + i, i] = B[:, i]
         u = rows.reshape(n * (d + 2), d)
-    return np.maximum(u, LEAST)
+    return np.maximum(u, MIN_QUANTILE)
 
 
 def correlated(u: Cube, R: Cube) -> Cube:
-    """Points (P, d) whose columns keep their uniform distributions and depend on each other by a
-    Gaussian copula.
+    """Return points (P, d) whose columns depend on each other by a Gaussian copula.
+
+    They keep their uniform distributions.
 
     R: (d, d) correlation of the normal scores z = Φ⁻¹(u): z' = z Lᵀ with R = L Lᵀ, u' = Φ(z').
     Ranks have the correlation 6/π asin(ρ/2) (Kruskal, J. Amer. Stat. Assoc. 53 (1958) 814). A point
@@ -96,17 +101,19 @@ def correlated(u: Cube, R: Cube) -> Cube:
     """
     from scipy.special import ndtr, ndtri
 
-    return np.clip(ndtr(ndtri(u) @ np.linalg.cholesky(R).T), LEAST, 1.0 - LEAST)
+    return np.clip(ndtr(ndtri(u) @ np.linalg.cholesky(R).T), MIN_QUANTILE, 1.0 - MIN_QUANTILE)
 
 
 def _sobol(n: int, d: int, rng: np.random.Generator) -> Cube:
-    """The first n points of a scrambled sequence; drawn up to a power of two, which the library has
-    no doubts about."""
+    """Return the first n points of a scrambled sequence.
+
+    It is drawn up to a power of two, because the library warns of other numbers.
+    """
     from scipy.stats import qmc
 
-    return np.asarray(
-        qmc.Sobol(d, scramble=True, seed=rng).random_base2(math.ceil(math.log2(n)))[:n]
-    )
+    sequence = qmc.Sobol(d, scramble=True, seed=rng)
+    points = sequence.random_base2(math.ceil(math.log2(n)))
+    return np.asarray(points[:n])
 
 
 def _latin_hypercube(n: int, d: int, seed: int) -> Cube:
@@ -115,7 +122,8 @@ def _latin_hypercube(n: int, d: int, seed: int) -> Cube:
     doublings = (n & -n).bit_length() - 1
     u: Cube = qmc.LatinHypercube(d, seed=np.random.default_rng(seed)).random(n >> doublings)
     for step in range(doublings):
-        rng, cells = np.random.default_rng((seed, step)), 2 * len(u)
+        rng = np.random.default_rng((seed, step))
+        cells = 2 * len(u)
         taken = np.minimum((u * cells).astype(np.intp), cells - 1)
         new = np.empty_like(u)
         for j in range(d):
@@ -133,8 +141,10 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "lognormal": ("median", "sigma"),
     "triangular": ("from", "mode", "to"),
 }
-"""Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a
-logarithm."""
+"""Names of the numbers of each distribution.
+
+All have the dimension of the parameter but the sigma of a logarithm.
+"""
 ENDS = ("from", "to")
 
 
@@ -142,7 +152,8 @@ ENDS = ("from", "to")
 class Distribution:
     """A distribution of one number.
 
-    kind: one of PARAMETERS;  numbers: its parameters by name, in SI
+    kind:    one of PARAMETERS
+    numbers: its parameters by name, in SI
     """
 
     kind: str
@@ -158,27 +169,31 @@ class Distribution:
             return bool(np.isfinite(self.at(np.array([0.5]))[0]))
 
     def at(self, u: Cube) -> Cube:
-        """Values at which the distribution function is u; to 15 digits, which all machines agree
-        about."""
+        """Return the values at which the distribution function is u.
+
+        They have the 15 digits on which all machines agree.
+        """
         from scipy import stats
 
-        has = {
-            name: np.float64(number) for name, number in self.numbers
-        }  # of which none divides by zero
-        low, high, sigma = has.get("from", 0.0), has.get("to", 0.0), has.get("sigma", 1.0)
-        mean = has.get("mean", 0.0)
-        laws: dict[str, Callable[[], Any]] = {
-            "uniform": lambda: stats.uniform(low, high - low),
-            "log-uniform": lambda: stats.loguniform(low, high),
-            "normal": lambda: stats.norm(mean, sigma),
-            "truncated-normal": lambda: stats.truncnorm(
-                (low - mean) / sigma, (high - mean) / sigma, mean, sigma
-            ),
-            "lognormal": lambda: stats.lognorm(sigma, scale=has["median"]),
-            "triangular": lambda: stats.triang((has["mode"] - low) / (high - low), low, high - low),
-        }
-        law = laws[self.kind]()
-        with np.errstate(
-            over="ignore"
-        ):  # a value that no number can hold is inf, which is refused where it is read
+        # as numpy's numbers: none raises an error when it is divided by zero
+        numbers = {name: np.float64(number) for name, number in self.numbers}
+        low = numbers.get("from", 0.0)
+        high = numbers.get("to", 0.0)
+        sigma = numbers.get("sigma", 1.0)
+        mean = numbers.get("mean", 0.0)
+        match self.kind:
+            case "uniform":
+                law = stats.uniform(low, high - low)
+            case "log-uniform":
+                law = stats.loguniform(low, high)
+            case "normal":
+                law = stats.norm(mean, sigma)
+            case "truncated-normal":
+                law = stats.truncnorm((low - mean) / sigma, (high - mean) / sigma, mean, sigma)
+            case "lognormal":
+                law = stats.lognorm(sigma, scale=numbers["median"])
+            case _:
+                law = stats.triang((numbers["mode"] - low) / (high - low), low, high - low)
+        # a value that no number can hold is inf, which is refused where it is read
+        with np.errstate(over="ignore"):
             return np.array([float(f"{value:.15g}") for value in law.ppf(u)])

@@ -29,7 +29,8 @@ STEP = ("step",)
 class Sensitivity:
     """A number of the study by which results are differentiated.
 
-    name:  as the study writes it;  path: key path, ("load",) for a factor of all mechanical loads
+    name:  as the study writes it
+    path:  key path, ("load",) for a factor of all mechanical loads
     units: of the number in CF form
     """
 
@@ -40,8 +41,12 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A number to find: where it stands, where the search begins and may go [SI], by its logarithm
-    or not."""
+    """A number to find.
+
+    start:     where the search begins [SI]
+    low, high: bounds of the search [SI]
+    log:       whether its logarithm is sought
+    """
 
     number: Sensitivity
     start: float
@@ -54,8 +59,11 @@ class FitParameter:
 class FitColumn:
     """A measured column.
 
-    name:  a parameter in which the load is affine, x, or a result;  path: of what is given, empty for a result
-    units: in CF form;  values: (n,) in SI;  noise: its standard deviation, None if that is estimated
+    name:   a parameter in which the load is affine, x, or a result
+    path:   of what is given, empty for a result
+    units:  in CF form
+    values: (n,) in SI
+    noise:  its standard deviation, None if that is estimated
     """
 
     name: str
@@ -71,12 +79,13 @@ class FitPlan:
     """A fit (section `fit`).
 
     given, measured: columns that the scene gets, and that are compared with its results
-    parameters:      the numbers to find
-    scene:           that of the study, with its own values
-    file, sha256:    the table and its checksum; of several tests the first one's name, and that of all checksums
-    level:           mesh level, None for the finest
-    smooth:          whether laws by points are to be as straight as the data let them
-    history:         the load history at whose steps was measured, None for static points
+    parameters:   the numbers to find
+    scene:        that of the study, with its own values
+    file, sha256: the table and its checksum; of several tests the first one's name, and that of all
+                  checksums
+    level:        mesh level, None for the finest
+    smooth:       whether laws by points are to be as straight as the data let them
+    history:      the load history at whose steps was measured, None for static points
     """
 
     given: tuple[FitColumn, ...]
@@ -95,8 +104,8 @@ class FitPlan:
 
     @property
     def count(self) -> int:
-        """Data."""
-        return sum(len(one.values) for one in self.measured)
+        """The number of data."""
+        return sum(len(column.values) for column in self.measured)
 
     @property
     def loads(self) -> tuple[FitColumn, ...]:
@@ -106,9 +115,8 @@ class FitPlan:
     @property
     def at_steps(self) -> list[int]:
         """The step of every line of the table; empty for static points."""
-        return [
-            int(value) for column in self.given if column.path == STEP for value in column.values
-        ]
+        columns = [column for column in self.given if column.path == STEP]
+        return [int(value) for column in columns for value in column.values]
 
     @property
     def place(self) -> FitColumn | None:
@@ -118,20 +126,22 @@ class FitPlan:
     @property
     def known_noise(self) -> bool:
         """Whether the noise of all that is compared is known."""
-        columns = (*self.measured, *(self.given if self.compare == "orthogonal" else ()))
+        columns = self.measured
+        if self.compare == "orthogonal":
+            columns = (*self.measured, *self.given)
         return all(column.noise is not None for column in columns)
 
     @property
     def assumed_noise(self) -> str:
-        """What intervals assume of several columns whose noise is not all known; empty if
-        nothing."""
-        columns = (*(self.given if self.compare == "orthogonal" else ()), *self.measured)
-        known, unknown = (
-            [one.name for one in columns if (one.noise is None) is no] for no in (False, True)
-        )
-        if len(columns) < 2 or not unknown:
+        """The assumption of intervals if the noise of not all columns is known; else empty."""
+        columns = self.measured
+        if self.compare == "orthogonal":
+            columns = (*self.given, *self.measured)
+        with_noise = " and ".join(column.name for column in columns if column.noise is not None)
+        without_noise = " and ".join(column.name for column in columns if column.noise is None)
+        if len(columns) < 2 or not without_noise:
             return ""
-        if known:
-            beside = f"1 % of its range where that of {' and '.join(known)} is as given"
-            return f"the noise of {' and '.join(unknown)} is {beside}"
-        return f"{' and '.join(unknown)} are measured equally well, in parts of their ranges"
+        if with_noise:
+            share = f"1 % of its range where that of {with_noise} is as given"
+            return f"the noise of {without_noise} is {share}"
+        return f"{without_noise} are measured equally well, in parts of their ranges"

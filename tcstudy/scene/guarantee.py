@@ -1,4 +1,4 @@
-"""The scenes whose solutions have a proved error bound: their data are exact on equilibrium elements."""
+"""Scenes whose solutions have a proved error bound."""
 
 from __future__ import annotations
 

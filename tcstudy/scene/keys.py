@@ -1,13 +1,12 @@
-"""The table of keys: every key that a study file may hold, as plain data. What else is said of a
-key is derived.
+"""The table of keys: every key that a study file may hold, as plain data.
 
-One row makes a key known: to the reader of its section, which then also suggests it for a misspelt
-one and reads it in its dimension and bounds (`read.fields`); to `--set`; to
-configs/reference.md and to the JSON Schema (`read.schema`). With `swept=True` a sweep may vary it,
-by its path and by its last word, and data carry its units; with `affine=True` a path may run along it
-(`scene.parameters`). What a row cannot say is where the key acts: the record of its section gets a
-field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
-(`laws.shapes.SHAPES`).
+All else about a key is derived from its row. One row makes a key known: to the reader of its
+section, which then also suggests it for a misspelt one and reads it in its dimension and bounds
+(`read.fields`); to `--set`; to configs/reference.md and to the JSON Schema (`read.schema`). With
+`swept=True` a sweep may vary it, by its path and by its last word, and data carry its units; with
+`affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key
+acts: the record of its section gets a field, the reader of its section fills it, and something uses
+it. Parameters of laws stand with them (`laws.shapes.SHAPES`).
 
 An edge has a role, which holds or carries something, and may do something to heat: `convection`
 takes its heat transfer coefficient by itself, every other role a section `heat`.
@@ -50,7 +49,7 @@ sweep."""
 class Key:
     """One key of a section.
 
-    section:   the mapping that it belongs to, "" for the study; "boundary" is the mapping of one edge
+    section:   the mapping that it belongs to, "" for the study; "boundary" is that of one edge
     dimension: of its numbers
     meaning:   in a line, without the dimension
     example:   a value as it is suggested; by default that of the dimension
@@ -105,10 +104,10 @@ class Key:
         return self.example or (self.dimension.example if self.dimension != NONE else "...")
 
 
-def key(path: str, kind: Kind, meaning: str, *more: Any, **given: Any) -> Key:
-    """The row of a key by its section and name, "mesh.maxh"; the rest as `Key` has it."""
+def key(path: str, kind: Kind, meaning: str, *values: Any, **options: Any) -> Key:
+    """Return the row of a key by its section and name, "mesh.maxh"; the rest as `Key` has it."""
     section, _, name = path.rpartition(".")
-    return replace(Key(name, kind, meaning, *more, **given), section=section)
+    return replace(Key(name, kind, meaning, *values, **options), section=section)
 
 
 swept = partial(key, swept=True)
@@ -126,11 +125,9 @@ MOVED = ("clamped", "rigid")
 """Roles that take displacements in x and y."""
 
 
-_PASSES, _FORCED, _OTHERS = (
-    ("convection",),
-    (*LOADED, "rigid"),
-    tuple(role for role in ROLES if role != "convection"),
-)
+_CONVECTIVE = ("convection",)
+_WITH_RESULTANT = (*LOADED, "rigid")
+_WITH_HEAT_SECTION = tuple(role for role in ROLES if role != "convection")
 _STIFFNESS = {"dimension": u.STIFFNESS, "default": 0.0, "least": 0.0}
 
 
@@ -198,7 +195,8 @@ ROWS: tuple[Key, ...] = (
     key(
         "heat",
         "section",
-        "`alpha` and `theta_bar`, or `theta` itself; [from which zero](howto/edges.md#heat-an-edge)",
+        "`alpha` and `theta_bar`, or `theta` itself; "
+        "[from which zero](howto/edges.md#heat-an-edge)",
         example=_HEAT,
     ),
     needed(
@@ -338,7 +336,7 @@ ROWS: tuple[Key, ...] = (
         "vector",
         "resultant, uniformly distributed; on a rigid edge it moves the edge",
         u.LINE_FORCE,
-        roles=_FORCED,
+        roles=_WITH_RESULTANT,
     ),
     load(
         "boundary.moment",
@@ -354,21 +352,21 @@ ROWS: tuple[Key, ...] = (
         "heat transfer coefficient of this edge",
         u.HEAT_TRANSFER,
         above=0.0,
-        roles=_PASSES,
+        roles=_CONVECTIVE,
     ),
     load(
         "boundary.theta_bar",
         "field",
         "ambient temperature of this edge",
         u.TEMPERATURE,
-        roles=_PASSES,
+        roles=_CONVECTIVE,
     ),
-    load("boundary.flux", "field", "heat into the body", u.HEAT_FLUX, roles=_PASSES),
+    load("boundary.flux", "field", "heat into the body", u.HEAT_FLUX, roles=_CONVECTIVE),
     key(
         "boundary.heat",
         "section",
         "thermal condition of the edge (default: insulated)",
-        roles=_OTHERS,
+        roles=_WITH_HEAT_SECTION,
         of=("edge_heat",),
     ),
     load("edge_heat.theta", "field", "prescribed temperature", u.TEMPERATURE),

@@ -19,15 +19,16 @@ FamilyName = Literal["uniform", "graded", "adaptive"]
 class MeshFamily:
     """One family.
 
-    name:       in words, and in a study if it can be asked for
-    title:      heading of its table
-    how:        how its meshes follow one another, in words
-    adapts:     whether the mesh of a level follows from the solutions on the level before
-    nested:     whether all levels are uniform refinements of the first
-    growth:     usual ratio of the unknowns of two levels;  least_growth: what to reckon with before two are known
-    max_levels: most levels
-    option:     the key of the section `mesh` that is for this family only
-    note:       what a forecast says of it, with {goal} and {power}
+    name:         in words, and in a study if it can be asked for
+    title:        heading of its table
+    how:          how its meshes follow one another, in words
+    adapts:       whether the mesh of a level follows from the solutions on the level before
+    nested:       whether all levels are uniform refinements of the first
+    growth:       usual ratio of the unknowns of two levels
+    least_growth: what to reckon with before two are known
+    max_levels:   most levels
+    option:       the key of the section `mesh` that is for this family only
+    note:         what a forecast says of it, with {goal} and {power}
     """
 
     name: str
@@ -88,8 +89,10 @@ class Goal:
     ξ [N/m];
               "u_T": tangential displacement at the point `at` of Γ_C [m]; "slip_length": length
               that does not stick [m]
-    known:    the exact value, if the study knows it; then the true error is stored beside the estimated one
-    proved:   whether a tolerance is of the proved bound of the error in the energy norm, not of an estimate
+    known:  the exact value, if the study knows it; then the true error is stored beside the
+            estimated one
+    proved: whether a tolerance is of the proved bound of the error in the energy norm, not of an
+            estimate
     """
 
     quantity: Quantity = "energy"
@@ -113,18 +116,20 @@ class MeshPlan:
 
     maxh:      element sizes; one per mesh
     levels:    number of levels; the most that there may be if there is a tolerance
-    family:    with one maxh, what level i is: "uniform": the i-th uniform refinement; "graded": elements of size
-               maxh/2^i, smaller towards singular points; "adaptive": level i−1 refined where its
-               error is large
+    family:    with one maxh, what level i is: "uniform": the i-th uniform refinement; "graded":
+               elements of size maxh/2^i, smaller towards singular points; "adaptive": level i−1
+               refined where its error is large
     grading:   exponent μ of graded meshes: h(r) ~ h (r/R)^(1−μ) at distance r from a singular point
-    marking:   share of the estimated error (squared) that the triangles refined in one adaptive step carry
+    marking:   share of the estimated error (squared) that the triangles refined in one adaptive
+               step carry
     goal:      what adaptive meshes are refined for, and what the tolerance is of
     tolerance: relative error at which refinement stops, None for all levels
-    max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not refined
+    max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not
+               refined
     estimate:  whether errors are estimated on meshes that do not need it
     guarantee: whether λ₁ of the body, not of the mesh, is enclosed, and errors are bounded
-    refine:    uniform refinements, of a mesh of size maxh·2^refine, that make the mesh of size maxh: many times as
-               fast as meshing at maxh
+    refine:    uniform refinements, of a mesh of size maxh·2^refine, that make the mesh of size
+               maxh: many times as fast as meshing at maxh
     """
 
     maxh: tuple[float, ...]

@@ -39,7 +39,8 @@ WHOLE: dict[str, tuple[str, ...]] = {"law": ("law",), "material": tuple(rows("ma
 
 _ALONE = ("title", "institution", "units", "solver", "exact", "history", "output")
 FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
-    "body": "sweep a number that it gives, such as body.rectangle.height, or a name of parameters that it uses",
+    "body": "sweep a number that it gives, such as body.rectangle.height, "
+    "or a name of parameters that it uses",
     "load": "sweep a load by its path, or follow it: path: {parameter: load, from: 0, to: 1}",
     "mesh": "sweep mesh.maxh, mesh.grading or mesh.marking",
     "h": "sweep mesh.maxh, or give the sizes as levels: mesh: {maxh: [20 mm, 10 mm]}",
@@ -54,7 +55,9 @@ def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | N
     law:   the law of which a parameter is meant, where laws differ in its dimension
     edges: names of edges that have laws of their own
     """
-    section, row_at, words = "", None, list(path)
+    section = ""
+    row_at = None
+    words = list(path)
     while words:
         law_row = None
         if section == "friction" and law in SHAPES:
@@ -74,9 +77,9 @@ def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | N
 SHORT = {
     name: f"{section}.{name}"
     for section in ("friction", "material", "loads", "heat")
-    for one in rows(section).values()
-    if one.swept and (section != "friction" or one.kind in NUMBERS)
-    for name in (one.name, *one.numbers)
+    for short_row in rows(section).values()
+    if short_row.swept and (section != "friction" or short_row.kind in NUMBERS)
+    for name in (short_row.name, *short_row.numbers)
 }
 """Short names: alpha for heat.alpha, f_x for loads.f_x, k for material.k (a law's k is
 friction.k)."""
@@ -120,9 +123,9 @@ OF_POINT = {
 }
 FACTORED = {
     name
-    for one in (*rows("loads").values(), *map(rows("boundary").get, Role.loads))
-    if one
-    for name in one.numbers
+    for load_row in (*rows("loads").values(), *map(rows("boundary").get, Role.loads))
+    if load_row
+    for name in load_row.numbers
 }
 """Names of the loads that `load` multiplies."""
 
@@ -246,8 +249,9 @@ def _of_law(law: Laws, path: Keys, strength: Scalar) -> Found:
             idle = "another point has the same s"
         yield (*path, POINTS, str(i)), Number(OF_POINT["b"], float(b))
         yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), idle)
-    whole = strength if isinstance(strength, Expression) else law.made.strength
-    yield (*path, "strength"), Number(row("friction", "strength"), whole)
+    if not isinstance(strength, Expression):
+        strength = law.made.strength
+    yield (*path, "strength"), Number(row("friction", "strength"), strength)
 
 
 def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
@@ -277,7 +281,8 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
 def _put(record: Any, place: Place, value: float) -> Any:
     if not place:
         return value
-    key, inner_place = place[0], place[1:]
+    key = place[0]
+    inner_place = place[1:]
     if isinstance(key, int):
         return (*record[:key], _put(record[key], inner_place, value), *record[key + 1 :])
     return replace(record, **{key: _put(getattr(record, key), inner_place, value)})

@@ -1,14 +1,12 @@
-"""The scenes of a sweep without a list of them: each section's few records, and which one every
-point has.
+"""The scenes of a sweep by each section's few records, and the number of the record of each point.
 
-Swept parameters that change nothing, which the user should know before he reads equal rows as a
-finding.
+Also here: swept parameters that change nothing. A user should know them before he takes equal rows
+for a result.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import chain
 from typing import Any, overload
 
 import numpy as np
@@ -18,7 +16,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP
-from tcstudy.scene.records import Body, Boundary, EdgeHeat, Scene, exchanges
+from tcstudy.scene.records import Body, Boundary, EdgeHeat, Scalar, Scene, exchanges
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -38,21 +36,21 @@ class Scenes(Sequence[Scene]):
     """
 
     def __init__(self, records: Mapping[str, Sequence[Any]], which: Mapping[str, Which]) -> None:
-        """records: that points have, of each section;  which: (P,) index of that of each point, by section."""
+        """Keep the records of each section, and the index of the record of each point (P,)."""
         self.records = {section: tuple(records[section]) for section in SECTIONS}
         self.which = {section: np.asarray(which[section], dtype=np.int32) for section in SECTIONS}
         self._combinations: dict[tuple[str, ...], tuple[NDArray[np.intp], NDArray[np.intp]]] = {}
 
     @classmethod
     def of(cls, scenes: Sequence[Scene]) -> Scenes:
-        """Scenes that are there already; equal records are kept once."""
+        """Return scenes that exist already; equal records are kept once."""
         if isinstance(scenes, Scenes):
             return scenes
-        every = np.arange(len(scenes), dtype=np.int32)
-        one_each = cls(
-            {s: [getattr(x, s) for x in scenes] for s in SECTIONS}, dict.fromkeys(SECTIONS, every)
-        )
-        return cls.joined([(one_each, every)])
+        points = np.arange(len(scenes), dtype=np.int32)
+        records = {}
+        for section in SECTIONS:
+            records[section] = [getattr(scene, section) for scene in scenes]
+        return cls.joined([(cls(records, dict.fromkeys(SECTIONS, points)), points)])
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Sequence[Scene], NDArray[np.integer]]]) -> Scenes:
@@ -60,19 +58,21 @@ class Scenes(Sequence[Scene]):
 
         Equal records are kept once.
         """
-        known: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
+        numbers: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
         total = sum(len(places) for _, places in parts)
         which = {section: np.empty(total, dtype=np.int32) for section in SECTIONS}
         for scenes, places in parts:
             part = cls.of(scenes)
-            for section, records in known.items():
-                numbers = [records.setdefault(x, len(records)) for x in part.records[section]]
-                of_points = np.array(numbers, dtype=np.int32)[part.which[section]]
-                which[section][places] = np.resize(of_points, len(places))
-        return cls({section: tuple(records) for section, records in known.items()}, which)
+            for section, number_of in numbers.items():
+                new_numbers = [
+                    number_of.setdefault(record, len(number_of)) for record in part.records[section]
+                ]
+                by_point = np.array(new_numbers, dtype=np.int32)[part.which[section]]
+                which[section][places] = np.resize(by_point, len(places))
+        return cls({section: tuple(number_of) for section, number_of in numbers.items()}, which)
 
     def on(self, body: Body) -> Scenes:
-        """The same on another body."""
+        """Return the same scenes on another body."""
         return Scenes(self.records | {"body": (body,)}, self.which)
 
     def __len__(self) -> int:
@@ -85,69 +85,81 @@ class Scenes(Sequence[Scene]):
     def __getitem__(self, index: int | slice) -> Scene | tuple[Scene, ...]:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
-        return Scene(
-            **{section: self.records[section][self.which[section][index]] for section in SECTIONS}
-        )
+        records = {}
+        for section in SECTIONS:
+            records[section] = self.records[section][self.which[section][index]]
+        return Scene(**records)
 
     def __repr__(self) -> str:
         return f"<{len(self)} scenes>"
 
     def combined(self, *sections: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(first, of): a point with each distinct combination of the sections, and (P,) the
-        combination of a point."""
+        """Return the first point with each distinct combination of the sections.
+
+        The second array (P,) has the number of the combination of each point.
+        """
         if sections not in self._combinations:
             code = np.zeros(len(self), dtype=np.int64)
             for section in sections:
                 code = code * len(self.records[section]) + self.which[section]
-            _, first, of = np.unique(code, return_index=True, return_inverse=True)
+            _, first, combination = np.unique(code, return_index=True, return_inverse=True)
             order = np.argsort(first)
             rank = np.empty_like(order)
             rank[order] = np.arange(len(order))
-            self._combinations[sections] = first[order], rank[of]
+            self._combinations[sections] = first[order], rank[combination]
         return self._combinations[sections]
 
 
 def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:
-    """One scene for each distinct combination of the sections, in the order of the points."""
+    """Return one scene for each distinct combination of the sections, in the order of points."""
     return combinations(scenes, *sections)[0]
 
 
 def combinations(
     scenes: Sequence[Scene], *sections: str
 ) -> tuple[tuple[Scene, ...], NDArray[np.intp]]:
-    """`distinct` scenes, and (P,) which of them each point is like."""
+    """Return the `distinct` scenes, and (P,) the number of the one that each point is like."""
     if len(scenes) == 1:  # as in each of many geometries
         return (scenes[0],), np.zeros(1, dtype=np.intp)
     scenes = Scenes.of(scenes)
-    first, of = scenes.combined(*sections)
-    return tuple(scenes[int(i)] for i in first), of
+    first, combination = scenes.combined(*sections)
+    return tuple(scenes[int(i)] for i in first), combination
 
 
 def law_regions(scenes: Sequence[Scene]) -> set[str]:
-    """What the laws of all scenes do on some piece (laws.pieces.REGIONS), and "breathing" where one
-    sticks."""
+    """Return the regions of the laws of all scenes (laws.pieces.REGIONS).
+
+    "breathing" is among them if a law sticks.
+    """
     records: Sequence[Laws | EdgeLaws] = Scenes.of(scenes).records["friction"]
-    own = (
-        [law for _, law, _ in one.laws] if isinstance(one, EdgeLaws) else [one] for one in records
-    )
-    laws = Laws.of(list(chain.from_iterable(own)))
-    return {REGIONS[k] for k in np.unique(laws.regions)} | (
-        {"breathing"} if np.any(laws.kinds == UP) else set()
-    )
+    single_laws = list[Laws]()
+    for record in records:
+        if isinstance(record, EdgeLaws):
+            single_laws += [law for _, law, _ in record.laws]
+        else:
+            single_laws.append(record)
+    laws = Laws.of(single_laws)
+    regions = {REGIONS[number] for number in np.unique(laws.regions)}
+    if np.any(laws.kinds == UP):
+        regions.add("breathing")
+    return regions
 
 
 def count_points(
     scenes: Sequence[Scene], sections: Sequence[str], is_so: Callable[[Scene], bool]
 ) -> int:
     """Return the number of points that satisfy a condition on the sections named."""
-    some, of = combinations(scenes, *sections)
-    satisfied = np.array([is_so(scene) for scene in some], dtype=np.intp)
-    return int(np.bincount(of, minlength=len(some)) @ satisfied)
+    distinct_scenes, combination = combinations(scenes, *sections)
+    satisfied = np.array([is_so(scene) for scene in distinct_scenes], dtype=np.intp)
+    points = np.bincount(combination, minlength=len(distinct_scenes))
+    return int(points @ satisfied)
 
 
 def of_stiffness(scenes: Sequence[Scene]) -> tuple[str, ...]:
-    """Sections that decide about the stiffness of the body: the material, and springs if an edge
-    has any."""
+    """Return the sections that decide about the stiffness of the body.
+
+    They are the material, and the boundary if an edge has springs.
+    """
     springs = any(scene.springs for scene in distinct(scenes, "boundary"))
     return ("material", "boundary") if springs else ("material",)
 
@@ -157,35 +169,42 @@ LOADS = ("boundary", "f", "heat")
 
 
 def load_axes(study: Study) -> tuple[int, ...]:
-    """Return the numbers of the numeric axes of a grid along which nothing but loads changes:
-    forces, prescribed displacements, temperatures."""
+    """Return the numbers of the numeric axes of a grid along which only loads change.
+
+    Loads are forces, prescribed displacements and temperatures.
+    """
     if study.mode != "grid" or not study.scenes:
         return ()
     scenes = Scenes.of(study.scenes)
     fixed = [scenes.which[section] for section in SECTIONS if section not in LOADS]
-    supports = dict[object, int]()
-    of_boundary = np.array(
-        [supports.setdefault(_support(one), len(supports)) for one in scenes.records["boundary"]]
+    support_numbers = dict[object, int]()
+    support_of_boundary = np.array(
+        [
+            support_numbers.setdefault(_support(boundary), len(support_numbers))
+            for boundary in scenes.records["boundary"]
+        ]
     )
-    fixed.append(of_boundary[scenes.which["boundary"]])
+    fixed.append(support_of_boundary[scenes.which["boundary"]])
     alpha = np.array([heat.alpha for heat in scenes.records["heat"]])
     fixed.append(alpha[scenes.which["heat"]])
-    return tuple(
-        d
-        for d, axis in enumerate(study.axes)
-        if len(axis.labels) > 1
-        and not any(isinstance(label, str) for label in axis.labels)
-        and all(_constant(which.reshape(study.shape), d) for which in fixed)
-    )
+    axes = list[int]()
+    for d, axis in enumerate(study.axes):
+        has_texts = any(isinstance(label, str) for label in axis.labels)
+        if len(axis.labels) < 2 or has_texts:
+            continue
+        if all(_constant(which.reshape(study.shape), d) for which in fixed):
+            axes.append(d)
+    return tuple(axes)
 
 
 def _support(boundary: Boundary) -> tuple[object, ...]:
     """Return what of a boundary is no load: roles, held components, springs, heat transfer."""
-    edges = (
-        (name, role.word, role.frame, role.spring, role.heat and role.heat.alpha, role.u)
-        for name, role in boundary
-    )
-    return tuple((*about, tuple(x is None for x in u)) for *about, u in edges)
+    edges = list[object]()
+    for name, role in boundary:
+        alpha = role.heat and role.heat.alpha
+        is_free = tuple(component is None for component in role.u)
+        edges.append((name, role.word, role.frame, role.spring, alpha, is_free))
+    return tuple(edges)
 
 
 def _constant(values: NDArray[Any], axis: int) -> bool:
@@ -203,23 +222,27 @@ UNIFORM = "q is 0 and all given temperatures are equal, so theta is that tempera
 
 
 def no_heat(scene: Scene) -> str:
-    """Why the temperature need not be computed; empty if it must."""
+    """Return why the temperature need not be computed; empty if it must."""
     if not scene.material.expands:
         return "beta is 0, so temperature does not load the body"
     if scene.heat.theta is not None:
         return "theta is known"
     if not scene.conducts:
         return "the study has no heat"
-    given = {theta_bar for _, _, theta_bar in scene.exchange} | {
-        theta for _, theta in scene.held_theta
-    }
-    varies = len(given) > 1 or any(isinstance(theta, Expression) for theta in given)
-    heated = isinstance(scene.heat.q, Expression) or scene.heat.q != 0.0 or scene.flux
-    return "" if varies or heated else UNIFORM
+    temperatures = set(_edge_temperatures(scene))
+    varies = any(isinstance(theta, Expression) for theta in temperatures)
+    is_heated = isinstance(scene.heat.q, Expression) or scene.heat.q != 0.0 or scene.flux
+    return "" if len(temperatures) > 1 or varies or is_heated else UNIFORM
+
+
+def _edge_temperatures(scene: Scene) -> list[Scalar]:
+    """Return the ambient and prescribed temperatures of edges."""
+    ambient = [theta_bar for _, _, theta_bar in scene.exchange]
+    return ambient + [theta for _, theta in scene.held_theta]
 
 
 def needs_heat_solve(scene: Scene) -> bool:
-    """True if the temperature must be computed and is not simply known."""
+    """Return whether the temperature must be computed and is not simply known."""
     return not no_heat(scene)
 
 
@@ -251,15 +274,19 @@ def why_idle(keys: Sequence[str], scenes: Sequence[Scene]) -> str:
 
 
 def _is_thermal(keys: Sequence[str]) -> bool:
-    """Return whether a number can act on the solution only through the temperature, or is a modulus
-    of the material, which `_felt` compares."""
+    """Return whether a number acts on the solution only through the temperature.
+
+    Moduli of the material count as well; `_felt` compares them.
+    """
     of_edge = keys[0] == "boundary" and ("heat" in keys or keys[-1] in (*OWN_HEAT, "flux"))
     return of_edge or keys[0] in ("heat", "material", "materials")
 
 
 def idle_notes(study: Study) -> list[str]:
-    """Return one sentence for every axis of a grid whose values all give the same solutions,
-    because heat is left out."""
+    """Return one sentence for every axis of a grid whose values all give the same solutions.
+
+    They do because heat is left out.
+    """
     thermal = [
         (d, axis)
         for d, axis in enumerate(study.axes)
@@ -267,10 +294,10 @@ def idle_notes(study: Study) -> list[str]:
     ]
     if study.mode != "grid" or not thermal:
         return []
-    scenes, of = combinations(study.scenes, *FELT)
+    scenes, combination = combinations(study.scenes, *FELT)
     numbers = dict[tuple[object, ...], int]()
     alike = [numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes]
-    points = np.array(alike)[of].reshape(study.shape)
+    points = np.array(alike)[combination].reshape(study.shape)
     notes = list[str]()
     for d, axis in thermal:
         if _constant(points, d):
@@ -281,15 +308,13 @@ def idle_notes(study: Study) -> list[str]:
 
 
 def _felt(scene: Scene) -> Iterator[object]:
-    heat, all_of = scene.heat, scene.material.all
-    yield from ((one.lam, one.mu) for one in all_of)
+    """Yield all thermal data and moduli that act on the solution of a scene."""
+    heat = scene.heat
+    materials = scene.material.all
+    yield from ((material.lam, material.mu) for material in materials)
     if needs_heat_solve(scene):
-        yield from ((one.beta, one.k) for one in all_of)
+        yield from ((material.beta, material.k) for material in materials)
         yield heat.q, heat.omega, scene.exchange, scene.held_theta, scene.flux
     elif scene.material.expands:
-        given = (
-            *(theta_bar for _, _, theta_bar in scene.exchange),
-            *(theta for _, theta in scene.held_theta),
-        )
-        yield from (one.beta for one in all_of)
-        yield heat.theta if heat.theta is not None else given[:1]
+        yield from (material.beta for material in materials)
+        yield heat.theta if heat.theta is not None else tuple(_edge_temperatures(scene)[:1])

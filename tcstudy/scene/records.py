@@ -1,5 +1,4 @@
-"""What a study is: frozen records in SI (or consistent) units, made by the reader, used by every
-other room.
+"""Frozen records of a study in SI (or consistent) units, made by the reader and used by all rooms.
 
 Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the source region), f, g, k,
 beta.
@@ -25,8 +24,10 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Edge:
-    """A straight edge, or a circular arc through a third point. The next edge starts where this one
-    ends."""
+    """A straight edge, or a circular arc through a third point.
+
+    The next edge starts where this one ends.
+    """
 
     start: Point
     end: Point
@@ -47,7 +48,8 @@ class Loop:
     @property
     def corners(self) -> tuple[tuple[Edge, Edge], ...]:
         """Every edge with the one after it."""
-        return tuple(zip(self.edges, (*self.edges[1:], *self.edges[:1]), strict=True))
+        next_edges = (*self.edges[1:], *self.edges[:1])
+        return tuple(zip(self.edges, next_edges, strict=True))
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,12 @@ class Region:
 class BrepFace:
     """A plane face of a STEP or BREP file.
 
-    face:    which face of it, from 0;  scale: length of one unit of the file as the kernel gives it [m]
-    edges:   name → points on it; the edge nearest to each point gets the name;  other: name of all others
-    written: unit that the study writes these points in, and its length [m]; ("", 1) of one without units
+    face:    which face of it, from 0
+    scale:   length of one unit of the file as the kernel gives it [m]
+    edges:   name → points on it; the edge nearest to each point gets the name
+    other:   name of all others
+    written: unit that the study writes these points in, and its length [m]; ("", 1) of one without
+             units
     """
 
     path: Path
@@ -86,7 +91,7 @@ class BrepFace:
     def entry(self, point: Point) -> str:
         """Return a point [m] as the study would write it under `edges`."""
         unit, metres = self.written
-        coordinates = (f"{one / metres:.9g} {unit}".rstrip() for one in point)
+        coordinates = (f"{x / metres:.9g} {unit}".rstrip() for x in point)
         return f"[{', '.join(coordinates)}]"
 
     def place_in_words(self, point: Point) -> str:
@@ -111,15 +116,16 @@ class Body:
 
     @property
     def edges(self) -> tuple[Edge, ...]:
-        """Those of its loops."""
+        """The edges of its loops."""
         return tuple(edge for loop in self.loops for edge in loop.edges)
 
 
 @dataclass(frozen=True)
 class EdgeHeat:
-    """What an edge does to heat by itself: k∂θ/∂n = flux − α(θ − θ̄), or θ given.
+    """The thermal conditions of an edge: k∂θ/∂n = flux − α(θ − θ̄), or θ prescribed.
 
-    theta:     temperature held on the edge; then nothing else is given [K];  flux: heat into the body [W/m²]
+    theta:     temperature held on the edge; then nothing else is given [K]
+    flux:      heat into the body [W/m²]
     alpha:     heat transfer coefficient; None for that of the section `heat` [W/(m² K)]
     theta_bar: temperature of the surroundings of the edge; None for that of the section `heat` [K]
     """
@@ -159,14 +165,17 @@ class TractionTerm(NamedTuple):
 
 @dataclass(frozen=True)
 class Role:
-    """What an edge does: how it is held, what loads it, what it rests on, what it does to heat. A
-    kind of role has what its keys say; all else is as it is here, so that loads and supports of any
-    edge can be asked for.
+    """The boundary condition type of an edge: constraints, loads, springs and thermal conditions.
+
+    A kind of role has what its keys say. All else is as it is here, so that loads and supports of
+    any edge can be asked for.
 
     word:     its name in a study
     u, frame: displacement [m], (u_x, u_y) or in the frame "nt" (u_N, u_T) of the edge; None is free
-    g:        traction in x and y [Pa];  pressure: positive when it pushes [Pa]
-    force:    a resultant per unit thickness, spread evenly over the edge, or moving a rigid one [N/m]
+    g:        traction in x and y [Pa]
+    pressure: positive when it pushes [Pa]
+    force:    a resultant per unit thickness, uniformly distributed over the edge, or of a rigid
+              one [N/m]
     moment:   about the middle of an edge that turns as a whole [N], None for one that does not
     spring:   (k_N, k_T), stiffness of the support per area [Pa/m]
     """
@@ -221,10 +230,13 @@ class Role:
 
     @property
     def held(self) -> Given:
-        """What of u an edge holds by itself or rests on springs with, in its frame; a rigid one as
-        a whole."""
-        first, second = (0.0 if k > 0.0 else u for u, k in zip(self.u, self.spring, strict=True))
-        return first, second
+        """The components of u that an edge holds, in its frame; 0 where it rests on springs.
+
+        A rigid edge holds them as a whole.
+        """
+        first, second = self.u
+        first_k, second_k = self.spring
+        return 0.0 if first_k > 0.0 else first, 0.0 if second_k > 0.0 else second
 
 
 @dataclass(frozen=True)
@@ -247,8 +259,10 @@ class Symmetry(Clamped):
 
 @dataclass(frozen=True)
 class Rigid(Clamped):
-    """An edge that moves as a whole: a component u is given, or None, one unknown under a resultant
-    `force`."""
+    """An edge that moves as a whole.
+
+    A component u is prescribed, or None: one unknown under a resultant `force`.
+    """
 
     word = "rigid"
     u: Given = (None, None)
@@ -256,7 +270,7 @@ class Rigid(Clamped):
 
 @dataclass(frozen=True)
 class Loaded(Role):
-    """What an edge of Γ_N carries: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t."""
+    """An edge of Γ_N: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t."""
 
     g: tuple[Scalar, Scalar] = (0.0, 0.0)
     pressure: Scalar = 0.0
@@ -298,11 +312,11 @@ Boundary = tuple[tuple[str, Role], ...]
 
 
 def exchanges(role: Role) -> bool:
-    """True if an edge is part of Γ_θ."""
-    own = role.heat
-    return isinstance(role, Convection) or (
-        own is not None and (own.alpha, own.theta_bar) != (None, None)
-    )
+    """Return whether an edge is part of Γ_θ."""
+    if isinstance(role, Convection):
+        return True
+    heat = role.heat
+    return heat is not None and (heat.alpha, heat.theta_bar) != (None, None)
 
 
 BODY = "body"
@@ -313,16 +327,17 @@ Where = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic material and the plane assumption, and the materials of the regions that have their
-    own.
+    """An isotropic material with the plane assumption, and the materials of regions.
 
     lam, mu: Lamé moduli of the plane problem (plane stress already folded into lam) [Pa]
-    beta:    stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
-    k:       conductivity [W/(m K)], None if the study gives none
-    E, nu:   the three-dimensional constants
-    alpha_T: coefficient of thermal expansion that beta follows from; None where beta is given [1/K]
-    bulk_beta: the three-dimensional modulus that the study gives in place of alpha_T, else None [Pa/K]
-    regions: (region, material) of those that have their own
+    beta:      stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
+    k:         conductivity [W/(m K)], None if the study gives none
+    E, nu:     the three-dimensional constants
+    alpha_T:   coefficient of thermal expansion that beta follows from; None where beta is given
+               [1/K]
+    bulk_beta: the three-dimensional modulus that the study gives in place of alpha_T, else None
+               [Pa/K]
+    regions:   (region, material) of those that have their own
     """
 
     lam: float
@@ -347,15 +362,20 @@ class Material:
         beta: float | None = None,
         lame: tuple[float, float] | None = None,
     ) -> Material:
-        """The material of the plane problem. lame: λ and μ of the body, if they are not to follow
-        from E and ν
+        """Return the material of the plane problem.
+
+        lame: λ and μ of the body, if they do not follow from E and ν
 
         λ = Eν/((1 + ν)(1 − 2ν)), μ = E/2(1 + ν). Plane strain keeps them, β = (3λ + 2μ) α_T, eq.
         (3); plane stress has λ → 2λμ/(λ + 2μ), β → 2μβ/(λ + 2μ) = E α_T/(1 − ν). A given beta is,
         as given λ and μ are, that of the body and is converted like them. Numbers may be complex
         (laws/composed.py).
         """
-        lam, mu = lame or (E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)))
+        if lame:
+            lam, mu = lame
+        else:
+            lam = E * nu / ((1 + nu) * (1 - 2 * nu))
+            mu = E / (2 * (1 + nu))
         bulk_beta = beta
         if bulk_beta is not None:
             alpha_T = None
@@ -368,9 +388,9 @@ class Material:
         return cls(lam, mu, beta, k, E, nu, plane, alpha_T=alpha_T, bulk_beta=bulk_beta)
 
     def with_number(self, value: float, name: str) -> Material:
-        """The material with another E, nu, alpha_T, beta or k; materials of regions stay."""
-        numbers = {"E": self.E, "nu": self.nu, "k": self.k, "alpha_T": self.alpha_T, "beta": None}
-        numbers |= {"beta": self.bulk_beta} if self.alpha_T is None else {}
+        """Return the material with another E, nu, alpha_T, beta or k; those of regions stay."""
+        numbers = {"E": self.E, "nu": self.nu, "k": self.k, "alpha_T": self.alpha_T}
+        numbers["beta"] = self.bulk_beta if self.alpha_T is None else None
         new = Material.of(plane=self.plane, **(numbers | {name: value}))  # type: ignore[arg-type]
         if name not in ("E", "nu"):
             new = replace(new, lam=self.lam, mu=self.mu)
@@ -379,12 +399,12 @@ class Material:
     @property
     def all(self) -> tuple[Material, ...]:
         """The material and those of the regions."""
-        return (self, *(own for _, own in self.regions))
+        return (self, *(material for _, material in self.regions))
 
     @property
     def expands(self) -> bool:
         """Whether temperature loads the body."""
-        return any(one.beta != 0.0 for one in self.all)
+        return any(material.beta != 0.0 for material in self.all)
 
 
 @dataclass(frozen=True)
@@ -424,23 +444,21 @@ class Scene:
 
     @property
     def pieces(self) -> tuple[tuple[Where, Material], ...]:
-        """Where the body has which material."""
-        own = self.material.regions
-        if not own:
+        """The parts of the body, as names of regions, with their materials."""
+        materials = dict(self.material.regions)
+        if not materials:
             return (((), self.material),)
-        named = [name for name, _ in own]
-        rest = (BODY, *(region.name for region in self.body.regions if region.name not in named))
-        return ((rest, self.material), *(((name,), material) for name, material in own))
+        others = [region.name for region in self.body.regions if region.name not in materials]
+        pieces: list[tuple[Where, Material]] = [((BODY, *others), self.material)]
+        pieces += [((name,), material) for name, material in self.material.regions]
+        return tuple(pieces)
 
     @property
     def laws(self) -> tuple[Laws, ...]:
         """The friction law, or those of the edges."""
-        friction = self.friction
-        return (
-            tuple(law for _, law, _ in friction.laws)
-            if isinstance(friction, EdgeLaws)
-            else (friction,)
-        )
+        if isinstance(self.friction, EdgeLaws):
+            return tuple(law for _, law, _ in self.friction.laws)
+        return (self.friction,)
 
     @property
     def one_law(self) -> Laws:
@@ -450,17 +468,15 @@ class Scene:
         return self.friction
 
     def with_laws(self, change: Callable[[Laws], Laws]) -> Scene:
-        """The same scene with every friction law changed, strengths as they are."""
+        """Return the same scene with every friction law changed, strengths as they are."""
         friction = self.friction
         if isinstance(friction, Laws):
             return replace(self, friction=change(friction))
-        return replace(
-            self,
-            friction=EdgeLaws(tuple((edge, change(law), by) for edge, law, by in friction.laws)),
-        )
+        laws = tuple((edge, change(law), strength) for edge, law, strength in friction.laws)
+        return replace(self, friction=EdgeLaws(laws))
 
     def edges(self, *kinds: type) -> tuple[str, ...]:
-        """Names of the edges with one of the given roles, in the order of the study."""
+        """Return the names of the edges with one of these roles, in the order of the study."""
         return tuple(name for name, role in self.boundary if isinstance(role, kinds))
 
     @property
@@ -470,36 +486,39 @@ class Scene:
 
     @property
     def heat_by_edge(self) -> bool:
-        """True if an edge does something to heat by itself."""
+        """Whether an edge has thermal conditions of its own."""
         return any(role.heat is not None for _, role in self.boundary)
 
     @property
     def exchange(self) -> tuple[tuple[str, float, Scalar], ...]:
         """(edge, α, θ̄) of Γ_θ, in the order of the study."""
-        alpha, theta_bar = self.heat.alpha, self.heat.theta_bar
-        own = ((name, role.heat or EdgeHeat()) for name, role in self.boundary if exchanges(role))
-        return tuple(
-            (name, h.alpha or alpha, theta_bar if h.theta_bar is None else h.theta_bar)
-            for name, h in own
-        )
+        edges = list[tuple[str, float, Scalar]]()
+        for name, role in self.boundary:
+            if exchanges(role):
+                heat = role.heat or EdgeHeat()
+                theta_bar = self.heat.theta_bar if heat.theta_bar is None else heat.theta_bar
+                edges.append((name, heat.alpha or self.heat.alpha, theta_bar))
+        return tuple(edges)
 
     @property
     def held_theta(self) -> tuple[tuple[str, Scalar], ...]:
-        """(edge, θ) of the edges whose temperature is given, in the order of the study."""
-        return tuple(
-            (name, r.heat.theta) for name, r in self.boundary if r.heat and r.heat.theta is not None
-        )
+        """(edge, θ) of the edges whose temperature is prescribed, in the order of the study."""
+        edges = list[tuple[str, Scalar]]()
+        for name, role in self.boundary:
+            if role.heat and role.heat.theta is not None:
+                edges.append((name, role.heat.theta))
+        return tuple(edges)
 
     @property
     def flux(self) -> tuple[tuple[str, Scalar], ...]:
-        """(edge, heat into the body) of the edges through which a given heat flows, in the order of
-        the study."""
-        return tuple(
-            (name, r.heat.flux) for name, r in self.boundary if r.heat and r.heat.flux != 0.0
-        )
+        """(edge, heat into the body) of the edges with a prescribed flux, in the study's order."""
+        edges = list[tuple[str, Scalar]]()
+        for name, role in self.boundary:
+            if role.heat and role.heat.flux != 0.0:
+                edges.append((name, role.heat.flux))
+        return tuple(edges)
 
     @property
     def conducts(self) -> bool:
-        """True if temperature is decided by an edge: one that exchanges heat, or whose temperature
-        is given."""
+        """Whether an edge decides the temperature: by exchanging heat, or by a prescribed θ."""
         return any(exchanges(role) for _, role in self.boundary) or bool(self.held_theta)

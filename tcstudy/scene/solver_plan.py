@@ -1,4 +1,4 @@
-"""How contact problems are solved: names of solvers and of initial guesses, which solution is kept."""
+"""How contact problems are solved: solvers, initial guesses, and the solution that is kept."""
 
 from __future__ import annotations
 
@@ -29,15 +29,17 @@ ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE, EXACT = range(len(START_NAMES))
 class SolverPlan:
     """How the contact problem is solved.
 
-    names:          solvers; the first one's solution is stored, the others are compared with it
-    tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
-    max_iterations: iteration limit of bundle-newton, None for its own
-    branch:         which solution is stored where several are found: the lowest found ("lowest": starts at
-                    zero, at the frictionless solution and at the neighbouring sweep point), the one
-                    that continues
-                    the neighbour's ("continued"), or the one from zero ("from-zero")
-    every:          whether all solutions are sought, and proved to be all, beside the lowest found (branch: all)
-    max_boxes, max_seconds: where the search for all of one point ends (contact/all_solutions.py)
+    names:            solvers; the first one's solution is stored, the others are compared with it
+    tolerance:        largest inclusion residual of an accepted solution, strict; None for 1e-10 or
+                      what rounding allows
+    max_iterations:   iteration limit of bundle-newton, None for its own
+    branch:           which solution is stored where several are found: the lowest found ("lowest":
+                      starts at zero, at the frictionless solution and at the neighbouring sweep
+                      point), the one that continues the neighbour's ("continued"), or the one from
+                      zero ("from-zero")
+    every:            whether all solutions are sought, and proved to be all, beside the lowest
+                      found (branch: all)
+    max_boxes, max_seconds: limits of the search for all of one point (contact/all_solutions.py)
     """
 
     names: tuple[str, ...] = (SEPARABLE,)

@@ -24,11 +24,14 @@ from tcstudy.scene.solver_plan import SolverPlan
 class Axis:
     """One swept parameter.
 
-    name:   dimension and coordinate name in the data, "alpha";  path: key path in the study, ("heat", "alpha")
-    values: what is put at the path, point by point (plain YAML values)
-    labels: numbers (SI) or texts that stand in the data's coordinate
-    units:  units of the labels, "1" for texts;  distribution: that they were drawn from, in words; empty if not drawn
-    written: unit that the study writes the numbers in, and its size in SI; ("", 1) if that is SI, or not one
+    name:         dimension and coordinate name in the data, "alpha"
+    path:         key path in the study, ("heat", "alpha")
+    values:       what is put at the path, point by point (plain YAML values)
+    labels:       numbers (SI) or texts that stand in the data's coordinate
+    units:        units of the labels, "1" for texts
+    distribution: that they were drawn from, in words; empty if not drawn
+    written:      unit that the study writes the numbers in, and its size in SI; ("", 1) if that is
+                  SI, or not one
     """
 
     name: str
@@ -78,9 +81,10 @@ class OutputPlan:
     """Where the data go and what beside the mandatory variables is kept.
 
     fields: θ and u of the whole body at every point
-    live:   what a page needs to solve the contact problem by itself (`live_arrays` in offline.level); off unless
-            asked for, because it takes up to half a megabyte a level and two loads a point
-    sensitivity: numbers by which the results of every point are differentiated
+    live:             what a page needs to solve the contact problem by itself (`live_arrays` in
+                      offline.level); off unless asked for, because it takes up to half a megabyte a
+                      level and two loads a point
+    sensitivity:      numbers by which the results of every point are differentiated
     probes, quantities: points and words for further numbers of every point (data.schema)
     """
 
@@ -101,10 +105,12 @@ class OutputPlan:
 class Exact:
     """The exact solution of every sweep point, against which `tcstudy converge` measures errors.
 
-    u:        displacement [m];  theta: temperature, None if it is not compared [K]
+    u:        displacement [m]
+    theta:    temperature, None if it is not compared [K]
     xi:       tangential traction −S_T on Γ_C [Pa], None to derive it from u
     exponent: u ~ r^exponent where it is least smooth, None where it is smooth
-    derived:  whether loads, prescribed displacements and temperatures of the scenes were derived from it
+    derived:  whether loads, prescribed displacements and temperatures of the scenes were derived
+              from it
     """
 
     u: tuple[Scalar, Scalar]
@@ -118,14 +124,18 @@ class Exact:
 class Study:
     """A whole study: the sweep and one validated Scene for each of its points.
 
-    mode:   "grid": points are the product of the axes; "list": axes are read together (zip and list)
-    scenes: one per point, in C order of the axes; each is complete (scene.points.Scenes for a sweep)
-    text:   the exact YAML text;  source: its file, if any
-    units:  "SI" or "none" (dimensionless)
-    design: how the points were drawn, None if the study lists them
-    variants: one study for each geometry where the sweep varies the body or its meshes; `mesh` is that of the first
+    mode:      "grid": points are the product of the axes; "list": axes are read together (zip and
+               list)
+    scenes:    one per point, in C order of the axes; each is complete (scene.points.Scenes for a
+               sweep)
+    text:      the exact YAML text
+    source:    its file, if any
+    units:     "SI" or "none" (dimensionless)
+    design:    how the points were drawn, None if the study lists them
+    variants:  one study for each geometry where the sweep varies the body or its meshes; `mesh` is
+               that of the first
     geometric: the axes that make the geometries, by number
-    tests:  one study for each further test of a fit, with its own data and values
+    tests:     one study for each further test of a fit, with its own data and values
     """
 
     title: str
@@ -152,7 +162,8 @@ class Study:
     def __repr__(self) -> str:
         """One line: a whole study would fill pages."""
         axes = ", ".join(f"{axis.name} ({len(axis.values)})" for axis in self.axes) or "none"
-        return f"Study({self.title!r}, sweep: {axes}, points: {len(self.scenes)}, levels: {self.mesh.levels})"
+        size = f"points: {len(self.scenes)}, levels: {self.mesh.levels}"
+        return f"Study({self.title!r}, sweep: {axes}, {size})"
 
     @property
     def kind(self) -> Literal["run", "path", "history", "fit"]:
