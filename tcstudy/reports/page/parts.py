@@ -1,11 +1,10 @@
-"""Parts of a page as JSON that the scripts draw: panels, tables, sheets of columns, states of the
-contact line.
+"""Parts of a page as JSON that the scripts draw: panels, tables, sheets, states of a contact line.
 
-A page of any other kind of file than a run is a list of sections, each a title, a name and a list
-of parts. A part says what it is by its `part`. States (steps, vertices of a path, data of a fit)
-are counted by one slider; a panel, a sheet and a line show the one that it is at.
+The page of any kind of file but a run is a list of sections: a title, a name and a list of parts.
+The key `part` names the kind of a part. One slider chooses a state (a step, a vertex of a path, a
+datum of a fit), which panels, sheets and contact lines show.
 
-Numbers stand behind the JSON in a compact form, compressed together with it: 4 bytes length of the
+The numbers follow the JSON in binary form, and both are compressed together: 4 bytes length of the
 header (little-endian), the header in UTF-8, padding to 8 bytes, the arrays, each at a multiple of 8
 bytes. An array stands in the header as {"$": type, "s": shape, "o": offset}.
 """
@@ -38,106 +37,108 @@ COLOURS = {
 
 
 def panel_part(
-    panel: Panel, box: Container, at: tuple[ArrayLike, ArrayLike] | None = None, high: int = 320
+    panel: Panel,
+    box: Container,
+    state_places: tuple[ArrayLike, ArrayLike] | None = None,
+    height: int = 320,
 ) -> Json:
-    """A panel; at: places of the states in it [units of the file], which a ring marks and a click
-    chooses."""
-    places = (
-        None
-        if at is None
-        else [
-            box.array(axis(values), "f4")
-            for axis, values in zip((panel.x, panel.y), at, strict=True)
-        ]
-    )
+    """Return a panel.
+
+    state_places: x and y of the states in it [units of the file]; a ring marks the chosen state,
+    and a click chooses another one.
+    """
+    ticks = None
+    if panel.ticks is not None:
+        positions, texts = panel.ticks
+        ticks = [np.asarray(positions, dtype=float).tolist(), list(texts)]
+    places = None
+    if state_places is not None:
+        x, y = state_places
+        places = [box.array(panel.x(x), "f4"), box.array(panel.y(y), "f4")]
     return {
         "part": "panel",
         "title": panel.title,
         "labels": [panel.x.label, panel.y.label],
         "log": list(panel.log),
-        "limits": [None if one is None else list(one) for one in panel.limits],
-        "ticks": panel.ticks
-        and [np.asarray(panel.ticks[0], dtype=float).tolist(), list(panel.ticks[1])],
-        "items": [_item(*one, box) for one in panel.items],
-        "high": high,
+        "limits": [None if limits is None else list(limits) for limits in panel.limits],
+        "ticks": ticks,
+        "items": [_item(kind, x, y, look, box) for kind, x, y, look in panel.items],
+        "high": height,
         "at": places,
     }
 
 
-LOOKS = ("color", "linewidth", "linestyle", "marker", "markersize", "markerfacecolor", "fillstyle", "alpha", "label",
-         "text", "shift", "ha", "texts", "names")  # fmt: skip
-"""What the scripts know of the look of an item, by matplotlib's names."""
+LOOK_KEYS = (
+    *("color", "linewidth", "linestyle", "marker", "markersize", "markerfacecolor"),
+    *("fillstyle", "alpha", "label", "text", "shift", "ha", "texts", "names"),
+)
+"""Names of matplotlib for the look of an item that the scripts know."""
 
 
-def _item(kind: str, x: Any, y: Any, how: Mapping[str, Any], box: Container) -> Json:
-    found: Json = {"kind": kind, "x": box.array(x, "f4"), "y": box.array(y, "f4")}
-    found |= {key: how[key] for key in LOOKS if key in how}
-    if "color" in how:
-        found["color"] = COLOURS.get(how["color"], how["color"])
+def _item(kind: str, x: Any, y: Any, look: Mapping[str, Any], box: Container) -> Json:
+    item: Json = {"kind": kind, "x": box.array(x, "f4"), "y": box.array(y, "f4")}
+    item |= {key: look[key] for key in LOOK_KEYS if key in look}
+    if "color" in look:
+        item["color"] = COLOURS.get(look["color"], look["color"])
     if kind == "cells":
-        found |= {
-            "kinds": box.array(how["kinds"], "i1"),
-            "colours": [COLOURS.get(c, c) for c in how["colours"]],
-        }
-    return found
+        item["kinds"] = box.array(look["kinds"], "i1")
+        item["colours"] = [COLOURS.get(colour, colour) for colour in look["colours"]]
+    return item
+
+
+def text_part(lines: Sequence[str]) -> Json:
+    """Return lines of text."""
+    return {"part": "text", "lines": list(lines)}
 
 
 def text_parts(parts: Iterable[Part]) -> list[Json]:
-    """What the terminal says, but for titles."""
-    found: list[Json] = []
+    """Return the parts of a text of the terminal, without its titles."""
+    page_parts: list[Json] = []
     for part in parts:
         if isinstance(part, Table):
-            head, rows = (
-                [one.title for one in part.columns],
-                list(zip(*(one.cells for one in part.columns), strict=True)),
-            )
-            found.append(
-                {
-                    "part": "table",
-                    "caption": part.caption,
-                    "head": head,
-                    "rows": rows,
-                    "notes": [*part.notes, *column_notes(part.columns)],
-                }
-            )
+            page_parts.append(_table(part))
         elif isinstance(part, str):
-            found.append(
-                {
-                    "part": "text",
-                    "lines": [line.strip() for line in part.split("\n") if line.strip()],
-                }
-            )
+            lines = [line.strip() for line in part.split("\n")]
+            page_parts.append(text_part([line for line in lines if line]))
         elif isinstance(part, Heading) and part.level > 1:
-            found.append({"part": "text", "lines": [part.text]})
-    return found
+            page_parts.append(text_part([part.text]))
+    return page_parts
+
+
+def _table(table: Table) -> Json:
+    cells = [column.cells for column in table.columns]
+    return {
+        "part": "table",
+        "caption": table.caption,
+        "head": [column.title for column in table.columns],
+        "rows": list(zip(*cells, strict=True)),
+        "notes": [*table.notes, *column_notes(table.columns)],
+    }
 
 
 def column(name: str, title: str, units: str, values: Any, box: Container) -> Json:
-    """A column of a sheet: numbers in the units of the file, or texts."""
-    numbers = np.asarray(values).dtype.kind in "fiub"
+    """Return a column of a sheet: numbers in the units of the file, or texts."""
+    is_numeric = np.asarray(values).dtype.kind in "fiub"
     return {
         "name": name,
         "title": title,
         "units": units,
-        "v": box.array(values) if numbers else [str(one) for one in values],
+        "v": box.array(values) if is_numeric else [str(value) for value in values],
     }
 
 
 def columns_of(data: Any, dim: str, box: Container) -> list[Json]:
-    """A column of every variable that has a value for each place of a dimension, by its long
-    name."""
-    every = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
-    return [
-        column(
-            name,
-            str(one.attrs["long_name"]),
-            str(one.attrs.get("units", "1")),
-            flag_words(one, one.values),
-            box,
-        )
-        for name, one in every
-        if one.dims == (dim,)
-    ]
+    """Return a column of every variable along one dimension alone, titled by its long name."""
+    columns = []
+    for name in (*data.coords, *data.data_vars):
+        variable = data.variables[name]
+        if variable.dims != (dim,):
+            continue
+        title = str(variable.attrs["long_name"])
+        units = str(variable.attrs.get("units", "1"))
+        values = flag_words(variable, variable.values)
+        columns.append(column(str(name), title, units, values, box))
+    return columns
 
 
 def sheet_part(
@@ -147,9 +148,9 @@ def sheet_part(
     states: bool = False,
     chart: tuple[str, str] | None = None,
 ) -> Json:
-    """A table that sorts, is saved as CSV, and, with a chart, is drawn: any column over any other.
+    """Return a table that sorts and is saved as CSV, and the chart of any column over another.
 
-    states: whether its rows are the states;  chart: names of x and y to begin with
+    states: whether the rows are the states;  chart: the first names of x and y, None without a chart
     """
     return {
         "part": "sheet",
@@ -160,13 +161,13 @@ def sheet_part(
     }
 
 
-def beside(*parts: Json) -> Json:
-    """Parts side by side where there is room."""
+def beside_part(*parts: Json) -> Json:
+    """Return parts side by side, where the screen is wide enough."""
     return {"part": "beside", "parts": list(parts)}
 
 
-def choice(label: str, key: str, options: Mapping[str, list[Json]]) -> Json:
-    """One of several lists of parts."""
+def choice_part(label: str, key: str, options: Mapping[str, list[Json]]) -> Json:
+    """Return a choice of one of several lists of parts."""
     return {
         "part": "choice",
         "label": label,
@@ -176,33 +177,34 @@ def choice(label: str, key: str, options: Mapping[str, list[Json]]) -> Json:
     }
 
 
-def states(label: str, texts: Sequence[str], first: int) -> Json:
-    """The slider of the states; first: where it is to begin with."""
+def states_part(label: str, texts: Sequence[str], first: int) -> Json:
+    """Return the slider of the states; first: its first position."""
     return {"part": "states", "label": label, "texts": list(texts), "first": first}
 
 
 def section(title: str, name: str, *parts: Json) -> Json:
-    """A part of the page under its heading."""
+    """Return a section of the page, with its heading."""
     return {"title": title, "id": name, "parts": list(parts)}
 
 
-# -- numbers
-# -----------------------------------------------------------------------------------------------------------
+# -- numbers ---------------------------------------------------------------------------------------
 
 TYPES = {"f8": "<f8", "f4": "<f4", "i4": "<i4", "i2": "<i2", "i1": "i1", "u2": "<u2"}
-LARGEST = 32767
-"""Quantised numbers go from −LARGEST to LARGEST."""
+MAX_QUANTISED = 32767
+"""Largest of the 16-bit integers that stand for numbers."""
+MISSING_QUANTISED = -MAX_QUANTISED - 1
+"""The integer that stands for NaN."""
 
 
 @dataclass
 class Container:
-    """Collects arrays; `packed` gives the text that stands in the page."""
+    """Collects arrays; `packed` returns the text that stands in the page."""
 
     _blocks: list[bytes] = field(default_factory=list)
     _size: int = 0
 
     def array(self, values: Any, kind: str = "f8") -> Json:
-        """Values as they are, in one of TYPES."""
+        """Add values as they are, in one of TYPES, and return their place."""
         array = np.ascontiguousarray(values, dtype=TYPES[kind])
         place = {"$": kind, "s": list(array.shape), "o": self._size}
         block = array.tobytes()
@@ -212,35 +214,33 @@ class Container:
         return place
 
     def rows(self, values: NDArray[np.float64]) -> Json:
-        """(P, n) values for drawing: 16 bits each, relative to the largest of their row (3e-5 of it
-        at most)."""
-        largest = np.max(np.abs(np.where(np.isfinite(values), values, 0.0)), axis=1, initial=0.0)
-        scale = np.where(largest > 0.0, largest / LARGEST, 1.0)
-        whole = np.where(
-            np.isfinite(values), np.rint(np.nan_to_num(values) / scale[:, None]), -LARGEST - 1
-        )
-        return {"rows": self.array(whole, "i2"), "scale": self.array(scale, "f8")}
+        """Add (P, n) values for drawing: 16 bits each, within 3e-5 of the largest of their row."""
+        is_finite = np.isfinite(values)
+        largest = np.max(np.abs(np.where(is_finite, values, 0.0)), axis=1, initial=0.0)
+        scale = np.where(largest > 0.0, largest / MAX_QUANTISED, 1.0)
+        rounded = np.rint(np.nan_to_num(values) / scale[:, None])
+        quantised = np.where(is_finite, rounded, MISSING_QUANTISED)
+        return {"rows": self.array(quantised, "i2"), "scale": self.array(scale, "f8")}
 
     def fields(self, values: NDArray[np.float64], tolerance: float = 1e-3) -> Json:
-        """(P, n) fields on a body for drawing, as few modes: Σ_j factor_pj mode_jn, within
-        tolerance × their range.
+        """Add (P, n) fields on a body for drawing, as few modes: Σ_j factor_pj mode_jn.
 
-        Many points of a sweep have few independent fields, so that a thousand need hardly more room
-        than ten.
+        The sum is within tolerance × the range of the fields. The points of a sweep have few
+        independent fields: a thousand points need hardly more room than ten.
         """
         u, s, vt = np.linalg.svd(values, full_matrices=False)
         span = float(np.ptp(values)) or 1.0
         # a dropped mode changes no value by more than s_j max|u_j| max|v_j|
-        worst = s * np.max(np.abs(u), axis=0) * np.max(np.abs(vt), axis=1)
-        left_out = np.concatenate([np.cumsum(worst[::-1])[::-1], [0.0]])
-        rank = int(np.argmax(left_out <= tolerance * span))
+        largest = s * np.max(np.abs(u), axis=0) * np.max(np.abs(vt), axis=1)
+        dropped = np.concatenate([np.cumsum(largest[::-1])[::-1], [0.0]])
+        rank = int(np.argmax(dropped <= tolerance * span))
         return {"factor": self.array(u[:, :rank] * s[:rank], "f4"), "mode": self.rows(vt[:rank])}
 
     def packed(self, header: Json) -> str:
-        """Header and arrays, compressed, as base64 text."""
-        text = json.dumps(
-            json_value(header), ensure_ascii=False, separators=(",", ":"), allow_nan=False
-        ).encode()
-        head = len(text).to_bytes(4, "little") + text
+        """Return header and arrays, compressed, as base64 text."""
+        values = json_value(header)
+        text = json.dumps(values, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        encoded = text.encode()
+        head = len(encoded).to_bytes(4, "little") + encoded
         head += b"\0" * (-len(head) % 8)
         return base64.b64encode(gzip.compress(head + b"".join(self._blocks), 9, mtime=0)).decode()

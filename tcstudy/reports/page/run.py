@@ -1,9 +1,8 @@
-"""What the page has of a run: numbers of every point, and of a history its totals; bodies, contact
-lines and laws.
+"""Data of the page of a run: numbers of all points, totals of histories, bodies, lines, laws.
 
-What a node does and the pieces of a law stand in the data: the scripts have no rules of their own
-and know no law by name. Live data are what the page needs to solve contact problems by itself:
-those of one level, and every point's.
+The states of the nodes and the pieces of the laws are part of the data: the scripts have no rules
+of their own and know no law by name. With the live data, of one level and of every point, the page
+solves contact problems itself.
 """
 
 from __future__ import annotations
@@ -57,10 +56,9 @@ from tcstudy.reports.text import LAMBDA_1_TOLERANCE, named, study_unit
 from tcstudy.scene.points import combinations
 from tcstudy.scene.study import Study
 
-MOST_SOLUTIONS = 100_000
-"""Points times levels that a page holds: more marks no screen shows, and more numbers no browser
-unpacks at once."""
-MOST_SCENES = 20_000
+MAX_SOLUTIONS = 100_000
+"""Points times levels on a page: no screen shows more, and no browser unpacks more at once."""
+MAX_SCENES = 20_000
 """Points up to which their scenes are read, with their laws; of more the body alone is known."""
 
 
@@ -70,12 +68,12 @@ class Stored:
 
     kind:   "run", "convergence", "cost", "path", "history" or "fit"
     data:   the root dataset
-    groups: datasets of the level groups by number; those of live data by number
-    study:  the study in the file, None if its text can no longer be read (a body's own file may be gone)
-    swept:  whether it has the scenes of all points
-    homes:  what each geometry has of its own, None for one without a mesh; empty where all points share one
-    kept:   which points of the file these are, in its order, None for all;  points: how many the file has
-    own_floors: of a geometry its part of the floors of the whole file
+    groups: datasets of the level groups, by level;  live: datasets of the live data, by level
+    study:  the study in the file, None if its text can no longer be read (a CAD file may be gone)
+    swept:  whether the study has the scenes of all points
+    homes:  the part of each geometry, None without a mesh; empty where all points share one
+    kept:   indices of these points in the file, None for all;  points: number of points in the file
+    own_floors: floors of one geometry, cut from those of the whole file
     """
 
     path: Path
@@ -92,250 +90,258 @@ class Stored:
 
     @cached_property
     def floors(self) -> Floors:
-        """Sizes below which the numbers of a run's points are rounding; none of other files."""
+        """Sizes below which the numbers of a run's points are rounding; empty for other files."""
         if self.own_floors is not None:
             return self.own_floors
         return floors(self.data, self.study) if self.kind == "run" else Floors({})
 
     @property
     def words(self) -> str:
-        """Which points a page of it shows; empty where it is all."""
+        """Sentence on the points that a page shows; empty where it shows all."""
         if self.kept is None:
             return ""
-        return f"shown are {len(self.kept)} of the {self.points} points, evenly taken from the sweep; the file has all"
+        return (
+            f"shown are {len(self.kept)} of the {self.points} points, evenly taken from the sweep; "
+            "the file has all"
+        )
 
 
 def read(path: Path, whole: bool = False) -> Stored:
-    """What is in a result file; of a long sweep no more than MOST_SOLUTIONS, evenly taken, unless
-    the whole is wanted.
+    """Read a result file; of a long sweep at most MAX_SOLUTIONS, evenly taken, unless `whole`.
 
-    Raises StoreError if it is none or not complete.
+    Raises StoreError if it is no result file or not complete.
     """
     kind = kind_of(path)
     with open_results(path) as tree:
         root = tree.to_dataset().drop_vars(OVERRIDES.name, errors="ignore")
-        steps = _steps(root) if kind == "run" and "status" in root and not whole else {}
-        data = of_largest(root.isel(steps).load())
+        is_cut = kind == "run" and "status" in root and not whole
+        slices = _slices(root) if is_cut else {}
+        data = of_largest(root.isel(slices).load())
+        has_geometries = GEOMETRIES in data.attrs
         if kind == "run" and not {"status", "level"} <= set(data.variables):
             raise StoreError(
                 f"{path} is no file of a command of tcstudy, so there is no page of it"
             )
-        swept = (
-            kind != "run"
-            or GEOMETRIES in data.attrs
-            or root["status"].isel(level=0).size <= MOST_SCENES
-        )
+        has_few_scenes = kind != "run" or root["status"].isel(level=0).size <= MAX_SCENES
+        swept = has_geometries or has_few_scenes
         study = stored_study(data.attrs, swept)
-        groups, live = _levels(tree, steps)
-        found = Stored(path, kind, data, groups, live, study, swept=swept)
-        if steps:
+        groups, live = _levels(tree, slices)
+        stored = Stored(path, kind, data, groups, live, study, swept=swept)
+        if slices:
             shape = [int(root.sizes[dim]) for dim in sweep_dims(root)]
-            numbers = np.arange(np.prod(shape)).reshape(shape)
-            found = replace(found, kept=numbers[tuple(steps.values())].ravel(), points=numbers.size)
-    if GEOMETRIES in data.attrs:
-        found = replace(found, homes=_homes(found))
-    return found
+            indices = np.arange(np.prod(shape)).reshape(shape)
+            kept = indices[tuple(slices.values())].ravel()
+            stored = replace(stored, kept=kept, points=indices.size)
+    if has_geometries:
+        stored = replace(stored, homes=_geometries(stored))
+    return stored
 
 
-def _steps(root: Any) -> dict[str, slice]:
-    """By sweep dimension every how many-th place is kept, so that no more than MOST_SOLUTIONS are;
-    empty for all.
+def _slices(root: Any) -> dict[str, slice]:
+    """Return slices of the sweep dimensions that keep at most MAX_SOLUTIONS; empty for all.
 
-    Of several geometries all are.
+    Of several geometries all points are kept.
     """
     sizes = {dim: int(root.sizes[dim]) for dim in sweep_dims(root)}
-    most, every = max(1, MOST_SOLUTIONS // int(root.sizes.get("level", 1))), dict.fromkeys(sizes, 1)
-    if GEOMETRIES in root.attrs or np.prod(list(sizes.values())) <= most:
+    max_points = max(1, MAX_SOLUTIONS // int(root.sizes.get("level", 1)))
+    if GEOMETRIES in root.attrs or np.prod(list(sizes.values())) <= max_points:
         return {}
-    while np.prod([-(-n // every[dim]) for dim, n in sizes.items()]) > most:
-        every[max(sizes, key=lambda dim: sizes[dim] / every[dim])] += 1
-    return {dim: slice(None, None, step) for dim, step in every.items()}
+    strides = dict.fromkeys(sizes, 1)
+    while np.prod([-(-size // strides[dim]) for dim, size in sizes.items()]) > max_points:
+        longest = max(sizes, key=lambda dim: sizes[dim] / strides[dim])
+        strides[longest] += 1
+    return {dim: slice(None, None, stride) for dim, stride in strides.items()}
 
 
 def _levels(
-    tree: Any, steps: dict[str, slice] | None = None
+    tree: Any, slices: dict[str, slice] | None = None
 ) -> tuple[dict[int, Any], dict[int, Any]]:
-    """The groups of the levels of a run, and of their live data; none of several geometries, of
-    which each has its own."""
-    numbers = range(0 if GEOMETRIES in tree.attrs else tree.sizes.get("level", 0))
-    levels = {n: tree[f"level_{n}"] for n in numbers if f"level_{n}" in tree.children}
+    """Return the groups of the levels of a run and of their live data, by level.
 
-    def kept(data: Any) -> Any:
-        return data.isel(steps or {}, missing_dims="ignore").load()
+    Both are empty for a file of several geometries: each of them has its own levels.
+    """
 
-    groups = {n: kept(group.to_dataset(inherit=False)) for n, group in levels.items()}
-    live = {
-        n: kept(group["live"].to_dataset())
-        for n, group in levels.items()
-        if "live" in group.children
-    }
+    def loaded(data: Any) -> Any:
+        return data.isel(slices or {}, missing_dims="ignore").load()
+
+    groups, live = dict[int, Any](), dict[int, Any]()
+    level_count = 0 if GEOMETRIES in tree.attrs else tree.sizes.get("level", 0)
+    for level in range(level_count):
+        if f"level_{level}" not in tree.children:
+            continue
+        group = tree[f"level_{level}"]
+        groups[level] = loaded(group.to_dataset(inherit=False))
+        if "live" in group.children:
+            live[level] = loaded(group["live"].to_dataset())
     return groups, live
 
 
-def _homes(whole: Stored) -> tuple[Stored | None, ...]:
-    """Return what each geometry of a file has of its own, with its study of those of all."""
-    homes, path, study = list[Stored | None](), whole.path, whole.study
-    with unmasked(path) as nc:
+def _geometries(whole: Stored) -> tuple[Stored | None, ...]:
+    """Return the part of each geometry of a file, with its study and floors."""
+    parts = list[Stored | None]()
+    with unmasked(whole.path) as nc:
         for number, body in enumerate(StoredBody.every(nc)):
             if body is None:
-                homes.append(None)
+                parts.append(None)
                 continue
             groups = {level: body.dataset(level) for level in body.levels}
-            own = None if study is None else study.variants[number].study
-            table, sizes = body.level_table(LEVEL_NUMBERS), whole.floors.of_points(body.places)
-            homes.append(Stored(path, "run", table, groups, {}, own, own_floors=sizes))
-    return tuple(homes)
+            study = None if whole.study is None else whole.study.variants[number].study
+            sizes = body.level_table(LEVEL_NUMBERS)
+            own_floors = whole.floors.of_points(body.places)
+            parts.append(Stored(whole.path, "run", sizes, groups, {}, study, own_floors=own_floors))
+    return tuple(parts)
 
 
-ROOM_FOR_DOUBLES = 300_000
-"""Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has
-all)."""
+MAX_DOUBLE_BYTES = 300_000
+"""Size of all numbers up to which the page has all digits; beyond, seven (the energy has all)."""
 DIAGNOSTIC = ("inclusion_", "iterations", "evaluations", "heat_balance", "time_", "lambda_1_error")
-"""How numbers begin that stand after the others."""
+"""First letters of the numbers that stand after the others."""
 SUMS = ("dissipated", "released", "work", "jumps")
-"""Numbers of which a point of a history has the sum over its steps."""
+"""Numbers of a history that are summed over its steps."""
 FLAGS = (
-    "status",
-    "unique",
-    "strict_minimum",
-    "global_minimum",
-    "heat_status",
-    "start_used",
-    "complete",
+    *("status", "unique", "strict_minimum", "global_minimum"),
+    *("heat_status", "start_used", "complete"),
 )
 LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
-MOST_NODES = 8_000
+MAX_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
 DECAYS = 6.0
-"""How many decay lengths of a law are drawn."""
+"""Decay lengths of a law that are drawn."""
 ALONG = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
-"""What runs along the contact line: its names on the page and in the file."""
+"""Variables along the contact line, by their names on the page."""
 
-# -- points
-# ------------------------------------------------------------------------------------------------------------
+# -- points ----------------------------------------------------------------------------------------
 
 
 def run_part(stored: Stored, box: Container) -> Json:
-    """Axes, numbers and flags, with points flattened in C order of the sweep; of a history its
-    totals."""
-    data, dims = (
-        totals(stored.data) if stored.kind == "history" else stored.data,
-        sweep_dims(stored.data),
-    )
+    """Return axes, numbers and flags of all points in C order; of a history its totals."""
+    data = totals(stored.data) if stored.kind == "history" else stored.data
+    dims = sweep_dims(stored.data)
 
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
-    shown = [name for name in numbers_of(data) if name != "inclusion_rounding"]
-    held = {name: _without_missing(flat(name)) for name in shown}
-    for name, values in held.items():
-        by_level = [stored.floors.cleared(name, own, n) for n, own in enumerate(values.T)]
-        held[name] = np.stack(by_level, axis=1)
-    held = {name: values for name, values in held.items() if not np.isnan(values).all()}
-    first = [name for name in ("u_T_max", *asked(data)) if name in held]
-    rest = sorted(
-        (name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC)
-    )
-    kind = "f8" if data["status"].size * len(held) * 8 <= ROOM_FOR_DOUBLES else "f4"
-    flags, starts = {name: flat(name) for name in FLAGS if name in data}, "start_energy" in data
-    flags |= {"several": several(flat("start_energy"), flags["unique"] == 1)} if starts else {}
-    texts, reason = np.unique(flat("reason").astype(str), return_inverse=True)
+    has_starts = "start_energy" in data
+    flags = {name: flat(name) for name in FLAGS if name in data}
+    if has_starts:
+        flags["several"] = several(flat("start_energy"), flags["unique"] == 1)
+    reason_texts, reason = np.unique(flat("reason").astype(str), return_inverse=True)
+    numbers = _numbers(stored, data)
     return {
         "mode": str(data.attrs["sweep_mode"]),
         "dims": dims,
-        "shape": [int(data.sizes[d]) for d in dims],
+        "shape": [int(data.sizes[dim]) for dim in dims],
         "axes": axes(data),
         "units": {name: str(data[name].attrs["units"]) for name in LEVEL_NUMBERS if name in data},
         "levels": level_numbers(data),
-        "numbers": {
-            name: {
-                "long_name": ": ".join(
-                    data[name].attrs.get(key, "") for key in ("long_name", "comment")
-                ).rstrip(": "),
-                "units": str(data[name].attrs["units"]),
-                "v": box.array(held[name], "f8" if name == "energy" else kind),
-            }
-            for name in (*first, *rest)
-        },
-        "asked": [name for name in asked(data) if name in first],
+        "numbers": _number_parts(data, numbers, box),
+        "asked": [name for name in asked(data) if name in numbers],
         "flags": {name: box.array(values, "i1") for name, values in flags.items()},
         "statuses": [named(status) for status in PointStatus],
-        "reasons": texts.tolist(),
+        "reasons": reason_texts.tolist(),
         "reason": box.array(reason.reshape(flat("reason").shape), "u2"),
-        "starts": [str(one) for one in data["start"].values] if starts else [],
-        "start_energy": box.array(flat("start_energy")) if starts else None,
+        "starts": [str(start) for start in data["start"].values] if has_starts else [],
+        "start_energy": box.array(flat("start_energy")) if has_starts else None,
     }
 
 
+def _numbers(stored: Stored, data: Any) -> dict[str, Any]:
+    """Return the (P, L) numbers of a run less rounding: requested first, diagnostics last."""
+    numbers = {}
+    for name in numbers_of(data):
+        if name == "inclusion_rounding":
+            continue
+        values = _without_missing(by_point(data[name], data))
+        levels = [stored.floors.cleared(name, row, n) for n, row in enumerate(values.T)]
+        cleared = np.stack(levels, axis=1)
+        if not np.isnan(cleared).all():
+            numbers[name] = cleared
+    first = [name for name in ("u_T_max", *asked(data)) if name in numbers]
+    others = [name for name in numbers if name not in first]
+    others.sort(key=lambda name: name.startswith(DIAGNOSTIC))
+    return {name: numbers[name] for name in (*first, *others)}
+
+
+def _number_parts(data: Any, numbers: dict[str, Any], box: Container) -> Json:
+    size = data["status"].size * len(numbers) * 8
+    kind = "f8" if size <= MAX_DOUBLE_BYTES else "f4"
+    parts = {}
+    for name, values in numbers.items():
+        attrs = data[name].attrs
+        words = f"{attrs.get('long_name', '')}: {attrs.get('comment', '')}"
+        parts[name] = {
+            "long_name": words.rstrip(": "),
+            "units": str(attrs["units"]),
+            "v": box.array(values, "f8" if name == "energy" else kind),
+        }
+    return parts
+
+
 def _without_missing(values: Any) -> Any:
-    """Return numbers with NaN in place of the count that stands for none."""
+    """Return numbers with NaN in place of missing counts."""
     if values.dtype.kind != "i":
         return values
     return np.where(values == MISSING_COUNT, np.nan, values)
 
 
 def totals(data: Any) -> Any:
-    """A history as a run of one level: sums over its solved steps, and what holds in all of
-    them."""
+    """Return a history as a run of one level: sums over its solved steps, flags of all steps."""
     solved = data["status"] == int(PointStatus.OK)
-    numbers = data[list(SUMS)].where(solved).sum("step", min_count=1, keep_attrs=True)
-    numbers["u_T_max"] = data["u_T_max"].where(solved).max("step", keep_attrs=True)
-    numbers["steps"] = (solved.sum("step") - 1.0).assign_attrs(long_name="steps solved", units="1")
+    run = data[list(SUMS)].where(solved).sum("step", min_count=1, keep_attrs=True)
+    run["u_T_max"] = data["u_T_max"].where(solved).max("step", keep_attrs=True)
+    run["steps"] = (solved.sum("step") - 1.0).assign_attrs(long_name="steps solved", units="1")
     flags = data[[name for name in FLAGS if name in data and name != "status"]]
-    judged = flags.where(solved, 1).isel(
-        step=slice(1, None)
-    )  # nothing is proved of step 0, from which all go on
-    found = numbers.assign(judged.min("step", keep_attrs=True).astype("i1").data_vars).assign(
-        reason=data["reason"]
-    )
-    found["status"] = solved.all("step").astype("i1") + int(
-        PointStatus.NOT_CONVERGED
-    ) * ~solved.all("step")
+    # nothing is proved of step 0, the unloaded state
+    judged = flags.where(solved, 1).isel(step=slice(1, None))
+    weakest = judged.min("step", keep_attrs=True).astype("i1")
+    run = run.assign(weakest.data_vars).assign(reason=data["reason"])
+    is_whole = solved.all("step")
+    run["status"] = is_whole.astype("i1") + int(PointStatus.NOT_CONVERGED) * ~is_whole
     sizes = {name: data[name].expand_dims("level") for name in LEVEL_NUMBERS if name in data}
-    return found.expand_dims(level=1, axis=-1).assign(sizes).assign_attrs(data.attrs)
+    return run.expand_dims(level=1, axis=-1).assign(sizes).assign_attrs(data.attrs)
 
 
 def level_numbers(data: Any) -> Json:
-    """Sizes and times of the levels."""
+    """Return sizes and times of the levels."""
     return {name: data[name].values.tolist() for name in LEVEL_NUMBERS if name in data}
 
 
 def time_of_levels(geometries: Sequence[Any]) -> Json:
-    """The times of the levels of all geometries together."""
-    names = [
-        name
-        for name in LEVEL_NUMBERS
-        if name.startswith("time") and all(name in data for data in geometries)
-    ]
-    return {
-        name: np.nansum([data[name].values for data in geometries], axis=0).tolist()
-        for name in names
-    }
+    """Return the times of the levels, summed over all geometries."""
+    times = {}
+    for name in LEVEL_NUMBERS:
+        if name.startswith("time") and all(name in data for data in geometries):
+            values = [data[name].values for data in geometries]
+            times[name] = np.nansum(values, axis=0).tolist()
+    return times
 
 
 def axes(data: Any) -> list[Json]:
-    """Swept parameters: name, units, labels, and the dimension each lies along."""
-    found = []
+    """Return the swept parameters: name, units, values, and the dimension of each."""
+    swept = []
     for name in axis_names(data):
         values, attrs = data[name].values, data[name].attrs
-        about: Json = {"name": name, "units": str(attrs.get("units", "1"))}
-        about |= {
-            "numeric": values.dtype.kind not in "OUS",
+        is_numeric = values.dtype.kind not in "OUS"
+        is_drawn = "distribution" in attrs
+        axis: Json = {
+            "name": name,
+            "units": str(attrs.get("units", "1")),
+            "numeric": is_numeric,
             "values": values.tolist(),
             "dim": str(data[name].dims[0]),
+            "written": study_unit(attrs),
+            "drawn": is_drawn,
+            "log": is_numeric and not is_drawn and has_equal_ratios(values),
         }
-        about |= {"written": study_unit(attrs), "drawn": "distribution" in attrs}
-        about["log"] = about["numeric"] and not about["drawn"] and has_equal_ratios(values)
-        found.append(about)
-    return found
+        swept.append(axis)
+    return swept
 
 
-# -- bodies and contact lines
-# ------------------------------------------------------------------------------------------
+# -- bodies and contact lines ----------------------------------------------------------------------
 
 
 def shape(stored: Stored) -> Json:
-    """Edges of the body with their roles, and its heated regions."""
+    """Return the edges of the body with their roles, and its heated regions."""
     return {
         "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in _edges(stored)],
         "sources": [line.tolist() for line in sources(stored.study)],
@@ -343,7 +349,7 @@ def shape(stored: Stored) -> Json:
 
 
 def _edges(stored: Stored) -> list[NamedEdge]:
-    """Return the named edges of the body, of one from a CAD file as the drawn level has them."""
+    """Return the named edges of the body; those of a CAD file are taken from the drawn level."""
     level = drawn_level(stored)
     if level is None:
         level = min(stored.groups, default=None)
@@ -351,25 +357,24 @@ def _edges(stored: Stored) -> list[NamedEdge]:
 
 
 def drawn_level(stored: Stored) -> int | None:
-    """The finest level with stored fields that is not too fine to draw; else the coarsest with
-    fields."""
-    having = [n for n, group in stored.groups.items() if "u_x" in group and "node_x" in group]
-    fitting = [n for n in having if stored.groups[n].sizes["mesh_node"] <= MOST_NODES]
-    return max(fitting) if fitting else min(having, default=None)
+    """Return the finest level with fields of at most MAX_NODES nodes, else the coarsest."""
+    with_fields = [
+        level for level, group in stored.groups.items() if "u_x" in group and "node_x" in group
+    ]
+    small = [level for level in with_fields if stored.groups[level].sizes["mesh_node"] <= MAX_NODES]
+    return max(small) if small else min(with_fields, default=None)
 
 
 def body_part(stored: Stored, level: int, box: Container) -> Json:
-    """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their
-    range)."""
+    """Return mesh, boundary with roles, and fields of all points, within 0.1 % of their range."""
     group = stored.groups[level]
     x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
-    xy, named = np.column_stack([x, y]), _edges(stored)
-    fields = {
-        name: by_point(group[name], stored.data)
-        for name in ("u_x", "u_y", "theta")
-        if name in group
-    }
-    fields = {name: np.where(np.isfinite(values), values, 0.0) for name, values in fields.items()}
+    xy = np.column_stack([x, y])
+    fields = {}
+    for name in ("u_x", "u_y", "theta"):
+        if name in group:
+            values = by_point(group[name], stored.data)
+            fields[name] = np.where(np.isfinite(values), values, 0.0)
     if "theta" in fields:
         fields["theta"] = stored.floors.cleared("theta", fields["theta"], level)
     edges = boundary_edges(xy, triangles.astype(np.intp))
@@ -379,7 +384,7 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
         "y": box.array(y, "f4"),
         "triangle": box.array(triangles, "u2" if len(x) < 65536 else "i4"),
         "boundary": box.array(edges, "i4"),
-        "edge": box.array(nearest(xy[edges], named), "i1"),
+        "edge": box.array(nearest(xy[edges], _edges(stored)), "i1"),
         "factor": exaggeration(xy, np.stack([fields["u_x"], fields["u_y"]], axis=-1)),
         "theta": None,
         "theta_units": str(group["theta"].attrs["units"]) if "theta" in group else "1",
@@ -388,90 +393,100 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
 
 
 def line_part(stored: Stored, level: int, box: Container) -> Json:
-    """One level's contact line with u_T, ξ and states of all points, flattened in C order of the
-    sweep."""
+    """Return the contact line of a level with u_T, ξ and states of all points, in C order."""
     group = stored.groups[level]
     u_T, sticks = (by_point(group[name], stored.data) for name in ("u_T", "sticks"))
 
-    def shown(values: Any) -> Any:
-        return stored.floors.cleared(str(values.name), by_point(values, stored.data), level)
+    def rows(variable: Any) -> Any:
+        values = by_point(variable, stored.data)
+        return stored.floors.cleared(str(variable.name), values, level)
 
-    found = line_along(group, shown, box)
-    found |= _nodes(stored, contact_line(group), box) | {"rest": at_rest(stored.study)}
-    found["state"] = box.array(_states(stored, group, u_T, slice(None), sticks == STICKS), "i1")
+    line = line_along(group, rows, box)
+    line |= _laws_of_nodes(stored, contact_line(group), box)
+    line["rest"] = at_rest(stored.study)
+    states = _states(stored, group, u_T, slice(None), sticks == STICKS)
+    line["state"] = box.array(states, "i1")
     if "held_u_T" in group:
-        found["held_u_T"] = box.rows(by_point(group["held_u_T"], stored.data))
-    if (
-        "solution_u_T" in group and stored.kept is None
-    ):  # of a point one after the other, lowest first
-        point, u_T, xi = (group[f"solution_{name}"].values for name in ("point", "u_T", "xi"))
-        first = np.searchsorted(point, np.arange(stored.data["status"][..., -1].size + 1))
-        found["every"] = {
-            "first": box.array(first, "i4"),
-            "energy": box.array(group["solution_energy"].values),
-            "stable": box.array(group["solution_stable"].values, "i1"),
-            "u_T": box.rows(stored.floors.cleared("u_T", u_T, level, point)),
-            "xi": box.rows(stored.floors.cleared("xi", xi, level, point)),
-            "state": box.array(
-                _states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool)), "i1"
-            ),
-        }
-    return found
+        line["held_u_T"] = box.rows(by_point(group["held_u_T"], stored.data))
+    if "solution_u_T" in group and stored.kept is None:
+        line["every"] = _equilibria(stored, level, box)
+    return line
+
+
+def _equilibria(stored: Stored, level: int, box: Container) -> Json:
+    """Return all stored equilibria, point by point, by energy."""
+    group = stored.groups[level]
+    point, u_T, xi = (group[f"solution_{name}"].values for name in ("point", "u_T", "xi"))
+    point_count = stored.data["status"][..., -1].size
+    states = _states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool))
+    return {
+        "first": box.array(np.searchsorted(point, np.arange(point_count + 1)), "i4"),
+        "energy": box.array(group["solution_energy"].values),
+        "stable": box.array(group["solution_stable"].values, "i1"),
+        "u_T": box.rows(stored.floors.cleared("u_T", u_T, level, point)),
+        "xi": box.rows(stored.floors.cleared("xi", xi, level, point)),
+        "state": box.array(states, "i1"),
+    }
 
 
 def line_along(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
-    """A contact line with what runs along it and its units; rows: makes (P, m) values of a
-    variable.
+    """Return a contact line with the variables along it and their units.
 
-    `held` says whether a part ends at a node without unknown, `ends` which of `held_u_T` is its
-    slip (-1 for none).
+    `rows` returns the (P, m) values of a variable. In a part, `held` tells for both ends whether a
+    constrained node is there, and `ends` its index in `held_u_T` (-1 for none).
     """
     line = contact_line(data)
-    found: Json = {name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")}
-    found["edges"] = list(line.edge_names)
-    found["parts"] = [
-        {"a": part.start, "b": part.stop, "cells": box.array(line.cells(part)), "closed": line.closed(part),
-         "held": list(line.held(part)), "ends": ends}
-        for part, ends in zip(line.parts, ends_held(line, data), strict=True)
-    ]  # fmt: skip
+    page_line: Json = {
+        name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")
+    }
+    page_line["edges"] = list(line.edge_names)
+    page_line["parts"] = []
+    for part, ends in zip(line.parts, ends_held(line, data), strict=True):
+        page_part = {
+            "a": part.start,
+            "b": part.stop,
+            "cells": box.array(line.cells(part)),
+            "closed": line.closed(part),
+            "held": list(line.held(part)),
+            "ends": ends,
+        }
+        page_line["parts"].append(page_part)
     for name, key in ALONG.items():
         if key in data:
-            found |= {
-                name: box.rows(rows(data[key])),
-                f"{name}_units": str(data[key].attrs["units"]),
-            }
-    return found
+            page_line[name] = box.rows(rows(data[key]))
+            page_line[f"{name}_units"] = str(data[key].attrs["units"])
+    return page_line
 
 
 def _states(stored: Stored, group: Any, u_T: Any, points: Any, sticks: Any) -> Any:
-    """(R, m) ContactState of every node of solutions of these points, −1 where there is none."""
-    states, solved = states_of(None, group, u_T, sticks), np.isfinite(u_T).all(axis=1)
-    frictions, of = frictions_of(stored)
-    for k, friction in enumerate(frictions):
-        rows = np.flatnonzero(solved & (of[points] == k))
+    """Return (R, m) the ContactState of every node of solutions of points, −1 without solution."""
+    solved = np.isfinite(u_T).all(axis=1)
+    states = states_of(None, group, u_T, sticks)
+    frictions, friction_of_point = frictions_of(stored)
+    for number, friction in enumerate(frictions):
+        rows = np.flatnonzero(solved & (friction_of_point[points] == number))
         states[rows] = states_of(friction, group, u_T[rows], sticks[rows])
     states[~solved] = -1
     return states
 
 
 def live_part(stored: Stored, box: Container) -> Json | None:
-    """The finest level that has live data; None where no point is valid or the run kept none.
+    """Return the finest level with live data, or None without a valid point.
 
-    A_tilde is symmetric: its lower triangle by rows. proved: λ₁ less its error, which ω is to be
-    below.
+    A: the lower triangle of the symmetric A_tilde by rows;  proved: λ₁ less its error, which ω must
+    not reach.
     """
-    usable = [
-        n
-        for n, data in stored.live.items()
-        if "load" in data and np.any(data["valid"].values == 1.0)
-    ]
-    if not usable or stored.study is None:
+    levels = []
+    for level, data in stored.live.items():
+        if "load" in data and np.any(data["valid"].values == 1.0):
+            levels.append(level)
+    if not levels or stored.study is None:
         return None
-    level, run = max(usable), stored.data
-    lambda_1, error = (
-        by_point(run[name], run)[:, level] for name in ("lambda_1", "lambda_1_error")
-    )
-    data, A_tilde = stored.live[level], stored.live[level]["A_tilde"].values
+    level, run = max(levels), stored.data
+    lambda_1 = by_point(run["lambda_1"], run)[:, level]
+    error = by_point(run["lambda_1_error"], run)[:, level]
+    data = stored.live[level]
+    A_tilde = data["A_tilde"].values
     names = ("stiffness", "valid", "load", "mechanical_load")
     return {
         "level": level,
@@ -483,94 +498,94 @@ def live_part(stored: Stored, box: Container) -> Json | None:
     }
 
 
-# -- laws
-# --------------------------------------------------------------------------------------------------------------
+# -- laws ------------------------------------------------------------------------------------------
 
 
 def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
-    """The different frictions of a study, and which of them every point of its file has that is
-    kept.
+    """Return the different frictions of a study, and the index among them of every kept point.
 
-    Where one has a law of every edge all have, in one order.
+    If one friction has a law for every edge, all are given so, with the edges in one order.
     """
     if stored.study is None or not stored.swept:
         return [], np.empty(0, dtype=np.intp)
-    some, of = combinations(stored.study.scenes, "friction")
-    of = of if stored.kept is None else of[stored.kept]
-    _, first = np.unique(of, return_index=True)
-    order = of[np.sort(first)]  # as the file has them
-    found = [some[k].friction for k in order]
-    if names := next(
-        ([edge for edge, *_ in one.laws] for one in found if isinstance(one, EdgeLaws)), None
-    ):
-        each = [{edge: (law, strength) for edge, law, strength in edge_laws(one)} for one in found]
-        found = [
-            EdgeLaws(tuple((name, *(own.get(name) or own[""])) for name in names)) for own in each
-        ]
-    return found, np.argsort(order)[of]
+    scenes, scene_of_point = combinations(stored.study.scenes, "friction")
+    if stored.kept is not None:
+        scene_of_point = scene_of_point[stored.kept]
+    _, first_points = np.unique(scene_of_point, return_index=True)
+    order = scene_of_point[np.sort(first_points)]  # as the file has them
+    frictions = [scenes[number].friction for number in order]
+    by_edge = next((laws for laws in frictions if isinstance(laws, EdgeLaws)), None)
+    if by_edge is not None:
+        edges = [edge for edge, *_ in by_edge.laws]
+        frictions = [_by_edge(friction, edges) for friction in frictions]
+    return frictions, np.argsort(order)[scene_of_point]
+
+
+def _by_edge(friction: Laws | EdgeLaws, edges: Sequence[str]) -> EdgeLaws:
+    """Return a friction with a law and a strength for every edge; "" names those of all edges."""
+    laws = {edge: (law, strength) for edge, law, strength in edge_laws(friction)}
+    return EdgeLaws(tuple((edge, *(laws.get(edge) or laws[""])) for edge in edges))
 
 
 def law_part(stored: Stored) -> Json | None:
-    """The different laws of a study and which one every point has; None if the study does not say.
+    """Return the different laws of a study and their indices for every point, or None without any.
 
-    A point has a law of every edge, in the order of `edges`, of "" where friction is the same along
-    the line.
+    A point has one law for every edge of `edges`; the edge "" stands for the whole contact line.
     """
-    frictions, of = frictions_of(stored)
+    frictions, friction_of_point = frictions_of(stored)
     if not frictions:
         return None
-    numbers, laws_of = dict[Laws, int](), [edge_laws(friction) for friction in frictions]
-    index = [[numbers.setdefault(law, len(numbers)) for _, law, _ in laws] for laws in laws_of]
-    edges = [edge for edge, _, _ in laws_of[0]]
+    numbers = dict[Laws, int]()
+    indices = []
+    for friction in frictions:
+        laws = [law for _, law, _ in edge_laws(friction)]
+        indices.append([numbers.setdefault(law, len(numbers)) for law in laws])
     return {
         "laws": [drawn_law(law) for law in numbers],
-        "index": [index[k] for k in of],
-        "edges": edges,
+        "index": [indices[number] for number in friction_of_point],
+        "edges": [edge for edge, _, _ in edge_laws(frictions[0])],
     }
 
 
-def _nodes(stored: Stored, line: LineFields, box: Container) -> Json:
-    """By edge: which of the edges' laws a node has, the different strengths along the line and
-    which a point has.
+def _laws_of_nodes(stored: Stored, line: LineFields, box: Container) -> Json:
+    """Return with laws by edge: the law of every node, the different strengths along the line.
 
-    A joint has none of them (-1), but a mixture, which is not drawn.
+    A node shared by two edges has a mixture of laws, which is not drawn: its law is -1.
     """
-    frictions, of = frictions_of(stored)
-    xy, by_edge = (
-        np.stack([line.x, line.y], axis=1),
-        [one for one in frictions if isinstance(one, EdgeLaws)],
-    )
+    frictions, friction_of_point = frictions_of(stored)
+    by_edge = [friction for friction in frictions if isinstance(friction, EdgeLaws)]
     if not by_edge:
         return {}
+    xy = np.stack([line.x, line.y], axis=1)
     factors = np.stack(
-        [one.factors(line.edge_names, line.edge, xy, line.joints) for one in by_edge]
+        [laws.factors(line.edge_names, line.edge, xy, line.joints) for laws in by_edge]
     )
-    has = ~np.isnan(factors[0])
-    mixed = has.sum(axis=0) > 1
-    rows, which = np.unique(
-        np.where(mixed, 1.0, np.nanmax(factors, axis=1)), axis=0, return_inverse=True
-    )
-    of_law = np.where(mixed, -1, np.argmax(has, axis=0))
+    has_law = ~np.isnan(factors[0])
+    is_mixed = has_law.sum(axis=0) > 1
+    strengths = np.where(is_mixed, 1.0, np.nanmax(factors, axis=1))
+    rows, row_of_friction = np.unique(strengths, axis=0, return_inverse=True)
+    law_of_node = np.where(is_mixed, -1, np.argmax(has_law, axis=0))
     return {
-        "of_law": box.array(of_law, "i1"),
+        "of_law": box.array(law_of_node, "i1"),
         "strengths": box.rows(rows),
-        "strength_of": which.ravel()[of].tolist(),
+        "strength_of": row_of_friction.ravel()[friction_of_point].tolist(),
     }
 
 
 def drawn_law(law: Laws) -> Json:
-    """A law as the pieces that it is made of, which the page draws and by which it solves."""
-    numbers = (law.kinks, law.kinds, law.s_0, law.b_0, law.q, law.a, law.r)
-    pieces = dict(
-        zip(
-            ("kinks", "kinds", "s0", "b0", "q", "a", "r"),
-            (one.tolist() for one in numbers),
-            strict=True,
-        )
-    )
+    """Return a law as its pieces, by which the page draws and solves."""
+    pieces: dict[str, NDArray[Any]] = {
+        "kinks": law.kinks,
+        "kinds": law.kinds,
+        "s0": law.s_0,
+        "b0": law.b_0,
+        "q": law.q,
+        "a": law.a,
+        "r": law.r,
+    }
     return {
         "name": law.name,
         "omega": law.omega,
         "reach": slip_range(law, DECAYS),
-        "pieces": pieces,
+        "pieces": {name: values.tolist() for name, values in pieces.items()},
     }

@@ -1,5 +1,4 @@
-"""The page put together: what it holds, how large it may be, and what is left out where that is too
-much."""
+"""The whole page: its sections, its size, and the parts that a page too large leaves out."""
 
 from __future__ import annotations
 
@@ -36,14 +35,15 @@ from tcstudy.reports.figures.path import (
 from tcstudy.reports.json_values import Json
 from tcstudy.reports.page.parts import (
     Container,
-    beside,
-    choice,
+    beside_part,
+    choice_part,
     column,
     columns_of,
     panel_part,
     section,
     sheet_part,
-    states,
+    states_part,
+    text_part,
     text_parts,
 )
 from tcstudy.reports.page.run import (
@@ -70,217 +70,260 @@ from tcstudy.reports.terminal.summary import solvers_compared, verdict_of
 from tcstudy.reports.text import Verdict, spelled
 from tcstudy.scene.keys import ROWS
 
-STATES_BYTES = 4_000_000
-"""Room for slip and traction along a path; of a longer one some vertices are shown."""
-MOST_POINTS = 200
+MAX_STATE_BYTES = 4_000_000
+"""Room for slip and traction along a path; of a longer path, some vertices are shown."""
+MAX_POINTS = 200
 """Points whose errors a page shows; the file has all."""
 
 
 def convergence_sections(stored: Stored, box: Container) -> list[Json]:
-    """Errors over h and the tables of every sweep point."""
-    data, points = stored.data, each_point(stored.data)
-    shown = {}
-    for where in points[:MOST_POINTS]:
-        at = data.isel(where)
-        panels = [panel_part(one, box, high=300) for one in convergence_panels(at).values()]
-        shown[describe(data, where) or "the point"] = [
-            beside(*panels),
-            *text_parts(accuracy.tables(at)),
-        ]
-    told = [f"Reference: {data.attrs['reference']}.", accuracy.LEGEND, *accuracy.notes(data)]
-    told += (
-        [f"The first {MOST_POINTS} of {len(points)} points; the file has all."]
-        if len(points) > MOST_POINTS
-        else []
-    )
-    parts = choice("point", "p", shown), {"part": "text", "lines": told}
-    return [section("Convergence over the levels", "main-part", *parts)]
+    """Return errors over h and the tables of every sweep point."""
+    data = stored.data
+    points = each_point(data)
+    options = {}
+    for where in points[:MAX_POINTS]:
+        point = data.isel(where)
+        panels = convergence_panels(point).values()
+        panel_parts = [panel_part(panel, box, height=300) for panel in panels]
+        tables = text_parts(accuracy.tables(point))
+        options[describe(data, where) or "the point"] = [beside_part(*panel_parts), *tables]
+    lines = [f"Reference: {data.attrs['reference']}.", accuracy.LEGEND, *accuracy.notes(data)]
+    if len(points) > MAX_POINTS:
+        lines.append(f"The first {MAX_POINTS} of {len(points)} points; the file has all.")
+    points_part = choice_part("point", "p", options)
+    return [section("Convergence over the levels", "main-part", points_part, text_part(lines))]
 
 
 def cost_sections(stored: Stored, box: Container) -> list[Json]:
-    """Every measured setting by error, and what the file advises."""
-    data, shown = stored.data, dict[str, list[Json]]()
-    held = [m for m in MEASURES if f"error_{m.name}" in data]
-    for m in sorted(held, key=lambda m: m.name != accuracy.DEFAULT):
-        panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
-        shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_of(data, m.name))]
-    part = (
-        choice("error of", "error", shown)
-        if shown
-        else {"part": "text", "lines": ["Nothing was measured."]}
-    )
+    """Return every measured setting, by error, and the advice of the file."""
+    data = stored.data
+    measures = [measure for measure in MEASURES if f"error_{measure.name}" in data]
+    measures.sort(key=lambda measure: measure.name != accuracy.DEFAULT)
+    options = dict[str, list[Json]]()
+    for measure in measures:
+        panels = cost_panels(data, measure.name).values()
+        panel_parts = [panel_part(panel, box, height=330) for panel in panels]
+        texts = text_parts(accuracy.cost_of(data, measure.name))
+        options[measure.symbol] = [beside_part(*panel_parts), *texts]
+    part = text_part(["Nothing was measured."])
+    if options:
+        part = choice_part("error of", "error", options)
     return [section("Accuracy against cost", "errors", part)]
 
 
 def path_sections(stored: Stored, box: Container) -> list[Json]:
-    """The response curve and what is said of it, one state, and all vertices."""
+    """Return the response curve with its text, one state, and all vertices."""
     data = stored.data
-    m, vertices, pieces = (int(data.sizes[name]) for name in ("node", "vertex", "piece"))
-    keep = np.unique(
-        np.append(
-            np.arange(0, vertices, max(1, -(-4 * m * vertices // STATES_BYTES))), vertices - 1
-        )
-    )
-    name, t, units = (
-        str(data.attrs["parameter"]),
-        data["parameter"].values,
-        str(data["parameter"].attrs["units"]),
-    )
-
-    shown = {}
+    vertex_count, shown_vertices = int(data.sizes["vertex"]), _shown_vertices(data)
+    parameter = data["parameter"].values
+    options = {}
     for key, (title, *_) in RESPONSES.items():
         curve, strip = path_panels(data, key).values()
-        shown[title] = [
-            panel_part(curve, box, (t[keep], response_of(data, key)[keep]), 400),
-            panel_part(strip, box, high=190),
-        ]
-    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
-    inside = [int(v) for v in paths.folds_of(data) if low <= t[v] <= high]
-    first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
-    texts = [
-        f"{symbol(name)} = {value:.4g} {scaled.label.strip(' []')}".rstrip()
-        for value in scaled(t[keep])
+        places = parameter[shown_vertices], response_of(data, key)[shown_vertices]
+        options[title] = [panel_part(curve, box, places, 400), panel_part(strip, box, height=190)]
+    title = "1  Equilibria on this path"
+    if int(data.get("complete", 0)):
+        title = "1  All equilibria of the range"
+    slider = _path_slider(data, shown_vertices)
+    responses = choice_part("response", "response", options)
+    texts = text_parts(paths.path_parts(data))
+    sections = [
+        section(title, "path", slider, responses, *texts),
+        section("2  One state on the path", "point", _path_line(stored, shown_vertices, box)),
     ]
-    laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
-    line = _line(data, keep, state, False, box)
-    line["law"] = (
-        laws["laws"][0] if laws is not None and len(laws["edges"]) == 1 else None
-    )  # that all nodes have
-    title = (
-        "1  All equilibria of the range"
-        if int(data.get("complete", 0))
-        else "1  Equilibria on this path"
-    )
-    slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
-    told = text_parts(paths.path_parts(data))
-    found = [section(title, "path", slider, choice("response", "response", shown), *told)]
-    found.append(section("2  One state on the path", "point", line))
-    if len(keep) == vertices:
-        sheet = sheet_part(
-            columns_of(data, "vertex", box), "path", states=True, chart=("parameter", "energy")
-        )
-        found.append(section("3  All vertices", "table", sheet))
-    return found
+    if len(shown_vertices) == vertex_count:
+        columns = columns_of(data, "vertex", box)
+        sheet = sheet_part(columns, "path", states=True, chart=("parameter", "energy"))
+        sections.append(section("3  All vertices", "table", sheet))
+    return sections
+
+
+def _shown_vertices(data: Any) -> Any:
+    """Return the vertices of a path whose states the page has: all, or a part with the last."""
+    vertex_count = int(data.sizes["vertex"])
+    state_bytes = 4 * int(data.sizes["node"]) * vertex_count
+    stride = max(1, -(-state_bytes // MAX_STATE_BYTES))
+    return np.unique(np.append(np.arange(0, vertex_count, stride), vertex_count - 1))
+
+
+def _path_slider(data: Any, shown_vertices: Any) -> Json:
+    """Return the slider of the states of a path, at the first fold or in the middle."""
+    parameter = data["parameter"].values
+    low, high = sorted(float(end) for end in data.attrs["parameter_range"])
+    folds = [int(vertex) for vertex in paths.folds_of(data)]
+    folds_in_range = [vertex for vertex in folds if low <= parameter[vertex] <= high]
+    first = folds_in_range[0] if folds_in_range else int(data.sizes["vertex"]) // 2
+    axis = scale("", parameter, str(data["parameter"].attrs["units"]))
+    name, unit = symbol(str(data.attrs["parameter"])), axis.label.strip(" []")
+    values = axis(parameter[shown_vertices])
+    texts = [f"{name} = {value:.4g} {unit}".rstrip() for value in values]
+    return states_part("along the path", texts, int(np.argmin(np.abs(shown_vertices - first))))
+
+
+def _path_line(stored: Stored, shown_vertices: Any, box: Container) -> Json:
+    """Return the contact line along a path, with the law where all nodes have one."""
+    data = stored.data
+    pieces = np.minimum(shown_vertices, int(data.sizes["piece"]) - 1)
+    line = _line(data, shown_vertices, data["state"].values[pieces], False, box)
+    laws = law_part(stored)
+    line["law"] = None
+    if laws is not None and len(laws["edges"]) == 1:
+        line["law"] = laws["laws"][0]
+    return line
 
 
 FACTS = (
-    "cycle",
-    "friction_resultant",
-    "u_T_max",
-    "slip_length",
-    "dissipated",
-    "jumps",
-    "inclusion_residual",
-    "unique",
+    *("cycle", "friction_resultant", "u_T_max", "slip_length"),
+    *("dissipated", "jumps", "inclusion_residual", "unique"),
 )
-"""Those of the step that is looked at."""
+"""Values of the chosen step that stand beside the loop, after its loads."""
+ENERGIES = {
+    "Body and loads": ("work", "energy"),
+    "Bond": ("dissipated", "released", "stored"),
+}
+"""Variables of the panels of energies, by title."""
+SUMMED = ("work", "dissipated", "released")
+"""Energies of a single step, of which the page shows sums."""
 
 
 def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Container) -> Json:
-    """One point of a history: loop, steps, what nodes do, energies, cycles and the table of all
-    steps."""
-    data, told = solved_steps(part), [{"part": "text", "lines": paths.sentences_of(part)}]
+    """Return one point of a history: loop, states, energies, cycles and the table of steps."""
+    data = solved_steps(part)
+    sentences_part = text_part(paths.sentences_of(part))
     if not data.sizes["step"]:
-        return {"point": told, "accuracy": [], "table": []}
-    names, loads, steps = (
-        loop_names(data),
-        str(data.attrs["loads"]).split(),
-        np.arange(data.sizes["step"]),
-    )
-    panels, step_names = (
-        history_panels(data, *names),
-        [str(one) for one in data["step_name"].values],
-    )
+        return {"point": [sentences_part], "accuracy": [], "table": []}
+    x_name, y_name = loop_names(data)
+    panels = history_panels(data, x_name, y_name)
+    loop_panel, motion_panel = panels.pop("loop"), panels.pop("motion")
     columns = columns_of(data.drop_vars("slip"), "step", box)
+    fact_names = (*str(data.attrs["loads"]).split(), *FACTS)
     facts = {
         "part": "facts",
-        "columns": [one for one in columns if one["name"] in (*loads, *FACTS)],
+        "columns": [column for column in columns if column["name"] in fact_names],
     }
-    loop = panel_part(panels.pop("loop"), box, (data[names[0]].values, data[names[1]].values), 380)
-    texts = [f"{i}, {name}" if name else str(i) for i, name in enumerate(step_names)]
-    point = [*told, states("step", texts, len(texts) - 1), beside(loop, facts)]
-    middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
-    motion = panels.pop("motion")
-    if "lines" not in without:
-        held = any(name.startswith("u_") for name in loads)
-        moved = paths.motion(
-            data["u_T"].values, data["jumped"].values if "jumped" in data else None
-        )
-        line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box)
-        line["moves"] = list(paths.MOVES)
-        point.append(beside(line, panel_part(motion, box, (steps, middle), 250)))
+    loop = panel_part(loop_panel, box, (data[x_name].values, data[y_name].values), 380)
+    point = [sentences_part, _step_slider(data), beside_part(loop, facts)]
+    if "lines" in without:
+        point.append(text_part(["The page was made without contact lines; the file has them."]))
     else:
-        point.append(
-            {
-                "part": "text",
-                "lines": ["The page was made without contact lines; the file has them."],
-            }
-        )
-    sums = {name: np.cumsum(data[name].values) for name in ("work", "dissipated", "released")}
+        point.append(_motion_part(stored, data, motion_panel, box))
+    energy_panels = [*_energy_panels(data), *panels.values()]
+    energies = [panel_part(panel, box, height=220) for panel in energy_panels]
+    sheet = sheet_part(columns, "steps", states=True, chart=(x_name, "friction_resultant"))
+    return {"point": point, "accuracy": [beside_part(*energies)], "table": [sheet]}
+
+
+def _step_slider(data: Any) -> Json:
+    texts = []
+    for step, name in enumerate(data["step_name"].values):
+        texts.append(f"{step}, {name}" if str(name) else str(step))
+    return states_part("step", texts, len(texts) - 1)
+
+
+def _motion_part(stored: Stored, data: Any, panel: Panel, box: Container) -> Json:
+    """Return the contact line in every step, beside the panel of the motion of its nodes."""
+    has_prescribed_slip = any(name.startswith("u_") for name in str(data.attrs["loads"]).split())
+    jumped = data["jumped"].values if "jumped" in data else None
+    moves = paths.motion(data["u_T"].values, jumped)
+    rest = at_rest(stored.study) and not has_prescribed_slip
+    line = _line(data, slice(None), moves, rest, box)
+    line["moves"] = list(paths.MOVES)
+    steps = np.arange(data.sizes["step"])
+    middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
+    return beside_part(line, panel_part(panel, box, (steps, middle), 250))
+
+
+def _energy_panels(data: Any) -> list[Panel]:
+    """Return the energies of a history over its steps, those of the bond first."""
+    steps = np.arange(data.sizes["step"])
     units = str(data["dissipated"].attrs["units"])
-    for title, of in {
-        "Body and loads": ("work", "energy"),
-        "Bond": ("dissipated", "released", "stored"),
-    }.items():
-        curves = {name: sums.get(name, data[name].values) for name in of}
+    panels = list[Panel]()
+    for title, names in ENERGIES.items():
+        curves = {}
+        for name in names:
+            values = data[name].values
+            if name in SUMMED:
+                curves[f"{name}, sum"] = np.cumsum(values)
+            else:
+                curves[name] = values
         panel = Panel(Scale("step"), scale("energy", list(curves.values()), units), title)
-        for (name, values), colour in zip(curves.items(), style.SERIES, strict=False):
-            panel.line(
-                steps, values, color=colour, linewidth=1.3, label=name + ", sum" * (name in sums)
-            )
-        panels = {title: panel} | panels
-    energies = [panel_part(one, box, high=220) for one in panels.values()]
-    sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
-    return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
+        for (label, values), colour in zip(curves.items(), style.SERIES, strict=False):
+            panel.line(steps, values, color=colour, linewidth=1.3, label=label)
+        panels.insert(0, panel)
+    return panels
 
 
 def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
-    """The contact line in the states that are kept, 0 in place of what is rounding beside the
-    largest value of all states."""
+    """Return the contact line in the kept states.
 
-    def shown(values: Any) -> Any:
-        return cleared(values, SHARE * float(np.nanmax(np.abs(values))))[kept]
+    Values that are rounding beside the largest value of all states are 0.
+    """
 
-    line = line_along(data, shown, box) | {"rest": rest}
+    def rows(variable: Any) -> Any:
+        return cleared(variable, SHARE * float(np.nanmax(np.abs(variable))))[kept]
+
+    line = line_along(data, rows, box) | {"rest": rest}
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 
 def fit_sections(stored: Stored, box: Container) -> list[Json]:
-    """Data and curve, what was found, and all data; a state is a datum."""
-    data, (given, measured) = stored.data, fit.columns(stored.data)
-    of, panels, rows = (
-        data["measured_column"].values,
-        fit_panels(data),
-        np.arange(data.sizes["row"]),
+    """Return data and curve, the fitted parameters, and all data; a state is a datum."""
+    data = stored.data
+    given, _ = fit.columns(data)
+    panels = fit_panels(data)
+    column_of_datum = data["measured_column"].values
+    row_count = data.sizes["row"]
+    places = data["datum_given"].values if given else np.arange(row_count) + 1.0
+
+    # the curve shows the data of the first measured column alone
+    is_first = column_of_datum == 0
+    curve_places = (
+        np.where(is_first, places, np.nan),
+        np.where(is_first, data["datum"].values, np.nan),
     )
-    first = of == 0
-    places = data["datum_given"].values if given else rows + 1.0
-    at = np.where(first, places, np.nan), np.where(first, data["datum"].values, np.nan)
-    number = np.concatenate([1 + np.arange(np.count_nonzero(of == i)) for i in np.unique(of)])
-    curve = panel_part(panels.pop("curve"), box, at, 400)
-    residuals = panel_part(panels.pop("residuals"), box, (number, data["residual"].values), 240)
-    one = {str(i): measured[i] for i in np.unique(of)}
-    units = measured[0][1] if len(one) == 1 else "1"
-    told: list[Any] = [("datum", "datum", "1", rows + 1)]
-    told += [("measured", "measured", "1", [measured[i][0] for i in of])] if len(one) > 1 else []
-    told += [(given[0][0], symbol(given[0][0]), given[0][1], places)] if given else []
-    kinds = (
+    curve = panel_part(panels.pop("curve"), box, curve_places, 400)
+    counts = [np.count_nonzero(column_of_datum == i) for i in np.unique(column_of_datum)]
+    number_in_column = np.concatenate([1 + np.arange(count) for count in counts])
+    residual_places = number_in_column, data["residual"].values
+    residuals = panel_part(panels.pop("residuals"), box, residual_places, 240)
+    other_panels = [panel_part(panel, box, height=260) for panel in panels.values()]
+
+    columns = _datum_columns(data, places, box)
+    facts = {"part": "facts", "columns": columns}
+    worst = int(np.nanargmax(np.abs(data["residual"].values)))
+    texts = [f"{row + 1} of {row_count}" for row in range(row_count)]
+    slider = states_part("datum", texts, worst)
+    report = text_parts(fit.parts(data))
+    sheet = sheet_part(columns, "fit", states=True)
+    return [
+        section("1  Data and fit", "fit", slider, beside_part(curve, facts), residuals),
+        section("2  What was found", "found", *report, beside_part(*other_panels)),
+        section("3  The data", "table", sheet),
+    ]
+
+
+def _datum_columns(data: Any, places: Any, box: Container) -> list[Json]:
+    """Return the columns of the data of a fit; several measured columns have no common unit."""
+    given, measured = fit.columns(data)
+    column_of_datum = data["measured_column"].values
+    has_one_column = len(np.unique(column_of_datum)) == 1
+    units = measured[0][1] if has_one_column else "1"
+    columns = [column("datum", "datum", "1", np.arange(data.sizes["row"]) + 1, box)]
+    if not has_one_column:
+        names = [measured[number][0] for number in column_of_datum]
+        columns.append(column("measured", "measured", "1", names, box))
+    if given:
+        name, given_units = given[0]
+        columns.append(column(name, symbol(name), given_units, places, box))
+    for name, title, variable in (
         ("value", "value", "datum"),
         ("predicted", "of the study", "predicted"),
         ("noise", "noise", "noise"),
-    )
-    told += [(key, title, units, data[variable].values) for key, title, variable in kinds]
-    told.append(("residual", "(observed − fitted) / noise", "1", data["residual"].values))
-    columns = [column(name, title, unit, values, box) for name, title, unit, values in told]
-    rest = [panel_part(panel, box, high=260) for panel in panels.values()]
-    facts = {"part": "facts", "columns": columns}
-    worst = int(np.nanargmax(np.abs(data["residual"].values)))
-    slider = states("datum", [f"{i + 1} of {len(rows)}" for i in rows], worst)
-    return [
-        section("1  Data and fit", "fit", slider, beside(curve, facts), residuals),
-        section("2  What was found", "found", *text_parts(fit.parts(data)), beside(*rest)),
-        section("3  The data", "table", sheet_part(columns, "fit", states=True)),
-    ]
+    ):
+        columns.append(column(name, title, units, data[variable].values, box))
+    residual_title = "(observed − fitted) / noise"
+    columns.append(column("residual", residual_title, "1", data["residual"].values, box))
+    return columns
 
 
 SECTIONS = {
@@ -289,7 +332,7 @@ SECTIONS = {
     "path": path_sections,
     "fit": fit_sections,
 }
-"""What makes the page of a file of each kind that has no points to choose from."""
+"""Makers of the sections of a page, by the kind of its file; runs and histories have none."""
 
 
 SCRIPTS = (
@@ -310,14 +353,13 @@ AIM = 1_900_000
 MOST = 10_000_000
 """Bytes that no page exceeds."""
 LEAVE_OUT = ("levels", "live", "body", "lines")
-"""What may be left out, in the order in which it goes where a page is too large: contact lines of
-the coarser levels, the data of the live mode, the body's fields, all contact lines."""
+"""Parts that a page too large leaves out, in this order: contact lines of the coarser levels, live
+data, the fields of the body, all contact lines."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: its size [byte] and what was left out because of it, one of LEAVE_OUT
-    each."""
+    """A page that was written: its size [byte] and the parts of LEAVE_OUT that it left out."""
 
     path: Path
     size: int
@@ -325,25 +367,23 @@ class Written:
 
     @property
     def words(self) -> str:
-        """One line that says what was written."""
+        """One line on the page that was written."""
         size = f"{self.size / 1e6:.1f} MB" if self.size >= 1e5 else f"{self.size / 1e3:.0f} kB"
-        left_out = (
-            f"; left out because of the size: {', '.join(self.left_out)}" if self.left_out else ""
-        )
-        return f"{self.path}: {size}{left_out}"
+        line = f"{self.path}: {size}"
+        if self.left_out:
+            line += f"; left out because of the size: {', '.join(self.left_out)}"
+        return line
 
 
 def write_page(path: Path, target: Path) -> Written:
     """Write the page of a result file, replacing an old page in one step.
 
-    Raises StoreError if `path` is no complete result file or `target` cannot be written, PageError
-    if the page would be larger than MOST or something else than a page would be lost.
+    Raises StoreError if `path` is no complete result file or `target` cannot be written.
+    Raises PageError if the page would be larger than MOST, or would replace a file that is no page.
     """
     if faults := check_writable(target):
         raise PageError("; ".join(faults))
-    if target.is_file() and not target.read_bytes()[:200].lstrip().lower().startswith(
-        b"<!doctype html"
-    ):
+    if target.is_file() and not _is_page(target):
         raise PageError(
             f"{target} exists and is no page; it would be lost: choose another name with -o"
         )
@@ -352,31 +392,43 @@ def write_page(path: Path, target: Path) -> Written:
         stored = read(path)
         text = _fitting(stored, without)
     if len(text) > MOST:
+        left_out = ", ".join(without) or "its optional parts"
         raise PageError(
-            f"the page would have {len(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
-            f"{', '.join(without) or 'its optional parts'}; split the sweep into several studies"
+            f"the page would have {len(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, "
+            f"even without {left_out}; split the sweep into several studies"
         )
     replace_file(target, lambda aside: aside.write_bytes(text), sealed=False)
     return Written(target, len(text), tuple(without))
 
 
+def _is_page(path: Path) -> bool:
+    return path.read_bytes()[:200].lstrip().lower().startswith(b"<!doctype html")
+
+
 def _fitting(stored: Stored, without: list[str]) -> bytes:
-    """The page, less parts in their order until it is no larger than AIM; these are added to those
-    left out."""
-    if _lines(stored) > 2 * AIM:  # however they are packed
-        without += [*["levels"] * (len(stored.groups) > 1), "lines"]
+    """Return the page without optional parts, in their order, until it is no larger than AIM.
+
+    The parts that it leaves out are added to `without`.
+    """
+    if _line_bytes(stored) > 2 * AIM:  # no compression brings so many below AIM
+        if len(stored.groups) > 1:
+            without.append("levels")
+        without.append("lines")
     text = page(stored, tuple(without)).encode()
-    for part in (part for part in _optional(stored) if part not in without):
+    for part in _optional(stored):
+        if part in without:
+            continue
         if len(text) <= AIM:
             break
-        if len(less := page(stored, (*without, part)).encode()) < len(text):
+        shorter = page(stored, (*without, part)).encode()
+        if len(shorter) < len(text):
             without.append(part)
-            text = less
+            text = shorter
     return text
 
 
 def _optional(stored: Stored) -> list[str]:
-    """Return those of LEAVE_OUT that a page has: to make one of many geometries takes long."""
+    """Return the parts of LEAVE_OUT that a page has: to try one more page may take long."""
     if stored.kind != "run":
         return [*LEAVE_OUT]
     bodies = [home for home in stored.homes if home is not None] or [stored]
@@ -389,20 +441,16 @@ def _optional(stored: Stored) -> list[str]:
     return [part for part in LEAVE_OUT if has[part]]
 
 
-def _lines(stored: Stored) -> int:
-    """Bytes of the finest contact lines of a run before they are packed, slip and traction in 16
-    bits, states in 8."""
+def _line_bytes(stored: Stored) -> int:
+    """Return the bytes of the finest contact lines of a run: u_T and ξ of 16 bits, states of 8."""
     if stored.kind != "run" or not stored.groups:
         return 0
-    return (
-        5
-        * int(stored.groups[max(stored.groups)].sizes.get("node", 0))
-        * int(stored.data["status"][..., -1].size)
-    )
+    finest = stored.groups[max(stored.groups)]
+    return 5 * int(finest.sizes.get("node", 0)) * int(stored.data["status"][..., -1].size)
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
-    """The whole page as text."""
+    """Return the whole page as text."""
     box = Container()
     verdict = verdict_of(stored.path)
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
@@ -455,18 +503,16 @@ def _verdict_rows(verdict: Verdict) -> str:
     return "".join(rows)
 
 
+ATTRIBUTES = (
+    *("history", "source", "git_commit", "study_sha256"),
+    *("references", "institution", "Conventions"),
+)
+"""Attributes of a file that the page shows."""
+
+
 def _about(stored: Stored) -> Json:
-    attrs, names = stored.data.attrs, [*(row.name for row in ROWS), *map(str, stored.data.coords)]
-    swept = axis_names(stored.data) if "status" in stored.data else []
-    told = (
-        "history",
-        "source",
-        "git_commit",
-        "study_sha256",
-        "references",
-        "institution",
-        "Conventions",
-    )
+    """Return title, symbols, words and origin of a file."""
+    attrs = stored.data.attrs
     return {
         "kind": stored.kind,
         "title": str(attrs["title"]),
@@ -475,60 +521,63 @@ def _about(stored: Stored) -> Json:
         "solver": str(attrs["solver"]),
         "states": STATES,
         "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
-        "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
-        | {name: axis_symbol(stored.data, name) for name in swept}
-        | {
-            str(name): spelled(str(one.attrs["long_name"]))
-            for name, one in stored.data.data_vars.items()
-            if "long_name" in one.attrs
-        }
-        | {name: name for name in asked(stored.data)},
+        "symbols": _symbols(stored.data),
         "tolerance": float(attrs["solver_tolerance"]),
-        "provenance": {name: str(attrs[name]) for name in told},
+        "provenance": {name: str(attrs[name]) for name in ATTRIBUTES},
         "versions": json.loads(attrs["versions"]),
         "overrides": str(attrs["overrides"]).splitlines(),
         "yaml": str(attrs["study_yaml"]),
     }
 
 
+def _symbols(data: Any) -> dict[str, str]:
+    """Return the symbols of parameters and variables; requested variables keep their names."""
+    names = [*(row.name for row in ROWS), *map(str, data.coords)]
+    symbols = {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
+    if "status" in data:
+        symbols |= {name: axis_symbol(data, name) for name in axis_names(data)}
+    for name, variable in data.data_vars.items():
+        if "long_name" in variable.attrs:
+            symbols[str(name)] = spelled(str(variable.attrs["long_name"]))
+    return symbols | {name: name for name in asked(data)}
+
+
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
     if stored.kind in SECTIONS:
         return {"sections": SECTIONS[stored.kind](stored, box)}
     if stored.kind == "history":
-        steps = [
-            history_parts(stored, stored.data.isel(where), without, box)
-            for where in each_point(stored.data)
-        ]
+        points = [stored.data.isel(where) for where in each_point(stored.data)]
+        steps = [history_parts(stored, point, without, box) for point in points]
         return {"run": run_part(stored, box), "steps": steps, **shape(stored)}
     content = {"run": run_part(stored, box), "laws": law_part(stored)}
     content["solvers"] = text_parts(solvers_compared(stored.data))
     if stored.homes:
+        geometries = [home.data for home in stored.homes if home is not None]
         content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
-        content["run"]["levels"] |= time_of_levels(
-            [home.data for home in stored.homes if home is not None]
-        )
-        content["homes"] = [home and _home(home, without, box) for home in stored.homes]
+        content["run"]["levels"] |= time_of_levels(geometries)
+        content["homes"] = [home and _geometry(home, without, box) for home in stored.homes]
     else:
-        content |= _home(stored, without, box)
-    usable = "live" not in without and "lines" not in without
-    if stored.live and usable and stored.groups and (live := live_part(stored, box)) is not None:
-        content["live"] = live
-        level = str(live["level"])
-        if level not in content["lines"]:
-            content["lines"][level] = line_part(stored, live["level"], box)
+        content |= _geometry(stored, without, box)
+    has_lines = "lines" not in without and bool(stored.groups)
+    if stored.live and has_lines and "live" not in without:
+        live = live_part(stored, box)
+        if live is not None:
+            content["live"] = live
+            level = live["level"]
+            if str(level) not in content["lines"]:
+                content["lines"][str(level)] = line_part(stored, level, box)
     return content
 
 
-def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
-    """What the points of one geometry share, and their fields and contact lines."""
+def _geometry(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
+    """Return the parts that the points of a geometry share, with their fields and contact lines."""
     levels = [] if "lines" in without else sorted(stored.groups)
-    body = drawn_level(stored) if "body" not in without else None
+    if "levels" in without:
+        levels = levels[-1:]
+    body_level = None if "body" in without else drawn_level(stored)
     return {
         "levels": level_numbers(stored.data),
-        "lines": {
-            str(n): line_part(stored, n, box)
-            for n in (levels[-1:] if "levels" in without else levels)
-        },
+        "lines": {str(level): line_part(stored, level, box) for level in levels},
         **shape(stored),
-        "body": None if body is None else body_part(stored, body, box),
+        "body": None if body_level is None else body_part(stored, body_level, box),
     }
