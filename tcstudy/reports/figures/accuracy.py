@@ -1,9 +1,8 @@
-"""Pictures of accuracy: errors over the mesh size with the slopes to expect, and errors over time
-and unknowns."""
+"""Pictures of accuracy: errors over mesh size, with expected orders, and over time and unknowns."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
@@ -16,21 +15,30 @@ from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel, Scale, Sheet, scale
 from tcstudy.reports.select_point import Value, axis_symbols, describe, locate
-from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, front, settings, shown
+from tcstudy.reports.terminal.accuracy import (
+    EXACT,
+    GROUPS,
+    SYMBOLS,
+    Setting,
+    advice,
+    front,
+    settings,
+    shown,
+)
 from tcstudy.scene.mesh_plan import FAMILIES
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# -- errors over the mesh size
-# -----------------------------------------------------------------------------------------
+# -- errors over the mesh size ---------------------------------------------------------------------
 
 LOOKS = (
     {"color": style.BLUE, "marker": "o", "markersize": 8, "linewidth": 3.0},
     {"color": style.VERMILLION, "marker": "s", "markersize": 5, "linewidth": 1.6},
     {"color": style.INK, "marker": "^", "markersize": 4, "linewidth": 1.1},
 )
-"""Of the first, second and third error of a panel: one that lies on another hides it not."""
+"""Looks of the first, second and third error of a panel: none hides another below it."""
 PANEL, LEGEND_LINE = 2.55, 0.18
 """Height of a panel and of a line of its legend [inch]."""
 BESIDE = 0.2
@@ -42,136 +50,155 @@ BELOW = 1.7
 def convergence_figure(
     data: Any, point: Mapping[str, Value] | None, look: style.Look
 ) -> tuple[Figure, str]:
-    """The errors of one sweep point, the first unless named, and which it is. Raises DrawError."""
+    """Return the errors of one sweep point, the first unless named, and its name.
+
+    Raises DrawError if all errors are rounding, or there is no reference.
+    """
     where = locate(data, point)
-    at, words = data.isel(where), describe(data, where)
-    panels, states = convergence_panels(at), {_state(at, m.name) for m in shown(at)}
+    selected, words = data.isel(where), describe(data, where)
+    panels = convergence_panels(selected)
     if not panels:
         raise DrawError(
             "the file has no errors to draw: no reference was there, or all errors are rounding"
         )
-    marks = {
-        f"reference: {str(data.attrs['reference']).split(' (')[0]}": True,
-        "relative errors": True,
-        "dotted: orders to expect": True,
-        "dashed: pre-asymptotic": "pre_asymptotic" in states,
-        f"pale: a guess ({sentences.GUESS}) from two levels": "guess" in states,
-        "hollow: did not converge": bool((at["status"].values != int(PointStatus.OK)).any()),
-    }
-    facts = [
-        *filter(None, [style.point_words(words, axis_symbols(data))]),
-        *(mark for mark, there in marks.items() if there),
-    ]
-    rows = list(zip_longest(*(list(panels)[k::2] for k in (0, 1)), fillvalue="."))
+    facts = [style.point_words(words, axis_symbols(data))] if words else []
+    facts += _legend(data, selected)
+    names = list(panels)
+    rows = list(zip_longest(names[0::2], names[1::2], fillvalue="."))
     sheet = Sheet(look, data.attrs["title"], [";  ".join(facts)], rows, [PANEL] * len(rows))
     sheet.draw(panels)
     for axes in sheet.panels.values():
-        axes.minorticks_off()
-        style.few_ticks(axes.yaxis)
-        low, high = np.log10(axes.get_ylim())
-        room = (
-            LEGEND_LINE * len(axes.get_legend_handles_labels()[1]) + 0.05
-        ) / PANEL  # below all curves
-        axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
-        axes.legend(
-            loc="lower right",
-            frameon=False,
-            fontsize=style.pt(8.5),
-            handlelength=1.6,
-            borderaxespad=0.1,
-        )
+        _add_legend(axes)
     return sheet.finish(), words or data.attrs["title"]
 
 
-def _state(at: Any, name: str) -> str:
-    """What is drawn of an error: nothing if it is rounding, else its verdict; "guess" if its rate
-    is of two levels."""
-    verdict = VERDICTS[int(at[f"verdict_{name}"])]
-    if verdict == "exact" or not bool((at[f"error_{name}"] > 0).any()):
-        return ""
-    guess = np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"])
-    return "guess" if guess else verdict
+def _legend(data: Any, selected: Any) -> list[str]:
+    """Return the explanations of the looks that the errors of a point have."""
+    states = {_state(selected, measure.name) for measure in shown(selected)}
+    is_failed = bool((selected["status"].values != int(PointStatus.OK)).any())
+    legend = [
+        f"reference: {str(data.attrs['reference']).split(' (')[0]}",
+        "relative errors",
+        "dotted: orders to expect",
+    ]
+    if "pre_asymptotic" in states:
+        legend.append("dashed: pre-asymptotic")
+    if "guess" in states:
+        legend.append(f"pale: a guess ({sentences.GUESS}) from two levels")
+    if is_failed:
+        legend.append("hollow: did not converge")
+    return legend
 
 
-def convergence_panels(at: Any) -> dict[str, Panel]:
-    """By the symbol of what errors are of, a panel of those of one sweep point over h, with the
-    slopes to expect.
-
-    Solutions that did not converge are hollow and joined to nothing.
-    """
-    h, ok = at["h_max"].values, at["status"].values == int(PointStatus.OK)
-    across, found = (
-        scale("longest element edge h", h, str(at["h_max"].attrs["units"])),
-        dict[str, Panel](),
+def _add_legend(axes: Axes) -> None:
+    """Add a legend below all curves, and the room for it."""
+    axes.minorticks_off()
+    style.few_ticks(axes.yaxis)
+    low, high = np.log10(axes.get_ylim())
+    room = (LEGEND_LINE * len(axes.get_legend_handles_labels()[1]) + 0.05) / PANEL
+    axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
+    axes.legend(
+        loc="lower right",
+        frameon=False,
+        fontsize=style.pt(8.5),
+        handlelength=1.6,
+        borderaxespad=0.1,
     )
+
+
+def _state(selected: Any, name: str) -> str:
+    """Return the verdict on an error, "guess" if two levels give its rate, "" if it is rounding."""
+    verdict = VERDICTS[int(selected[f"verdict_{name}"])]
+    if verdict == "exact" or not bool((selected[f"error_{name}"] > 0).any()):
+        return ""
+    has_slope = np.isfinite(selected[f"slope_{name}"])
+    is_guess = has_slope and not np.isfinite(selected[f"slope_error_{name}"])
+    return "guess" if is_guess else verdict
+
+
+def convergence_panels(selected: Any) -> dict[str, Panel]:
+    """Return panels of the errors of one sweep point over h, by the symbol of their quantity.
+
+    Solutions that did not converge are hollow and not joined.
+    """
+    h = selected["h_max"].values
+    h_axis = scale("longest element edge h", h, str(selected["h_max"].attrs["units"]))
+    panels = dict[str, Panel]()
     for symbol, title in GROUPS.items():
-        own = (m.name for m in shown(at) if m.symbol.split(" ")[0] == symbol)
-        names = {name: state for name in own if (state := _state(at, name))}
-        if not names:
-            continue
-        panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True), grid=True)
-        panel.title, finest = f"{symbol}: {title}", dict[float, tuple[float, float]]()
-        for (name, state), look in zip(names.items(), LOOKS, strict=False):
-            error = at[f"error_{name}"].values
-            good, bad = ok & (error > 0), ~ok & (error > 0)
-            slope = sentences.order(float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"]))
-            label = SYMBOLS[name] + ("" if slope == "–" else f": {slope}")
-            dashed = "--" if state in ("guess", "pre_asymptotic") else "-"
-            how = look | {
-                "linestyle": dashed,
-                "alpha": 0.45 if state == "guess" else 1.0,
-                "label": label,
-            }
-            panel.line(
-                h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None
-            )
-            panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
-            order = round(float(at[f"expected_{name}"]), 2)
-            if (
-                order > 0 and np.count_nonzero(good) > 1
-            ):  # by order the least error at its finest step, and that step
-                finest[order] = min(
-                    finest.get(order, (np.inf, 0.0)), (float(error[good][-1]), float(h[good][-1]))
-                )
-        beside = (one for one in BY_ITSELF if one.split("_", 1)[1] in names and one in at)
-        for one, dash in zip(beside, (":", "-."), strict=False):
-            panel.line(
-                h,
-                at[one].values,
-                color=style.INK,
-                linestyle=dash,
-                linewidth=1.2,
-                label=one.split("_")[0],
-            )
-        for order, (fine, size) in finest.items():
-            ends = np.array([size, h[ok].max()])
-            panel.line(
-                ends,
-                fine / BELOW * (ends / size) ** order,
-                color=style.PALE,
-                linewidth=0.9,
-                linestyle=":",
-            )
-            panel.note(
-                f"{order:g}",
-                (size, fine / BELOW),
-                (-4, -3),
-                ha="right",
-                fontsize=8.5,
-                color=style.PALE,
-            )
-        drawn = across(h[np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)])
-        panel.ticks = drawn.tolist(), [f"{value:.2g}" for value in drawn]
-        left, right = drawn.min(), drawn.max()
-        panel.limits[0] = (
-            left * (left / right) ** BESIDE,
-            right * (right / left) ** 0.06 if right > left else None,
+        measures = [m.name for m in shown(selected) if m.symbol.split(" ")[0] == symbol]
+        states = {name: _state(selected, name) for name in measures}
+        states = {name: state for name, state in states.items() if state}
+        if states:
+            panel = Panel(h_axis, Scale("relative error"), log=(True, True), grid=True)
+            panel.title = f"{symbol}: {title}"
+            _draw_errors(panel, selected, states)
+            _draw_estimates(panel, selected, states)
+            _draw_expected_orders(panel, selected, states)
+            _limit_sizes(panel, selected, states)
+            panels[symbol] = panel
+    return panels
+
+
+def _draw_errors(panel: Panel, selected: Any, states: Mapping[str, str]) -> None:
+    h, converged = selected["h_max"].values, selected["status"].values == int(PointStatus.OK)
+    for (name, state), look in zip(states.items(), LOOKS, strict=False):
+        error = selected[f"error_{name}"].values
+        good, bad = converged & (error > 0), ~converged & (error > 0)
+        slope, slope_error = (
+            float(selected[f"slope_{name}"]),
+            float(selected[f"slope_error_{name}"]),
         )
-    return found
+        order = sentences.order(slope, slope_error)
+        curve_look = look | {
+            "linestyle": "--" if state in ("guess", "pre_asymptotic") else "-",
+            "alpha": 0.45 if state == "guess" else 1.0,
+            "label": SYMBOLS[name] + ("" if order == "–" else f": {order}"),
+        }
+        face = "white" if look is LOOKS[0] else None
+        panel.line(h[good], error[good], **curve_look, markerfacecolor=face)
+        panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
 
 
-# -- errors over time and unknowns
-# -------------------------------------------------------------------------------------
+def _draw_estimates(panel: Panel, selected: Any, states: Mapping[str, str]) -> None:
+    """Draw estimates and bounds, which stand by themselves in the file."""
+    h = selected["h_max"].values
+    names = [name for name in BY_ITSELF if name.split("_", 1)[1] in states and name in selected]
+    for name, dash in zip(names, (":", "-."), strict=False):
+        look = {"color": style.INK, "linestyle": dash, "linewidth": 1.2}
+        panel.line(h, selected[name].values, **look, label=name.split("_")[0])
+
+
+def _draw_expected_orders(panel: Panel, selected: Any, states: Mapping[str, str]) -> None:
+    """Draw each expected order once, below the smallest of its errors on the finest mesh."""
+    h, converged = selected["h_max"].values, selected["status"].values == int(PointStatus.OK)
+    finest = dict[float, tuple[float, float]]()
+    for name, _ in zip(states, LOOKS, strict=False):
+        error = selected[f"error_{name}"].values
+        good = converged & (error > 0)
+        order = round(float(selected[f"expected_{name}"]), 2)
+        if order > 0 and np.count_nonzero(good) > 1:
+            error_and_size = float(error[good][-1]), float(h[good][-1])
+            finest[order] = min(finest.get(order, (np.inf, 0.0)), error_and_size)
+    for order, (error, size) in finest.items():
+        ends = np.array([size, h[converged].max()])
+        values = error / BELOW * (ends / size) ** order
+        panel.line(ends, values, color=style.PALE, linewidth=0.9, linestyle=":")
+        look = {"ha": "right", "fontsize": 8.5, "color": style.PALE}
+        panel.note(f"{order:g}", (size, error / BELOW), (-4, -3), **look)
+
+
+def _limit_sizes(panel: Panel, selected: Any, states: Mapping[str, str]) -> None:
+    """Set ticks at the mesh sizes with errors, and leave room for the expected orders."""
+    has_error = np.array([selected[f"error_{name}"].values > 0 for name in states]).any(axis=0)
+    sizes = panel.x(selected["h_max"].values[has_error])
+    panel.ticks = sizes.tolist(), [f"{value:.2g}" for value in sizes]
+    left, right = sizes.min(), sizes.max()
+    start = left * (left / right) ** BESIDE
+    end = right * (right / left) ** 0.06 if right > left else None
+    panel.limits[0] = start, end
+
+
+# -- errors over time and unknowns -----------------------------------------------------------------
 
 GOLD = "#f0c000"
 COLOURS = dict(
@@ -183,91 +210,114 @@ LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 CHART = 3.6
 """Height of the panels with the key above them [inch]."""
 PALE = 0.32
-"""Opacity of curves that others beat everywhere."""
+"""Opacity of curves with no setting on the Pareto front."""
 
 
 def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
-    """Error over wall time, with bands to the upper quartile, and over unknowns, with the rates of
-    the families."""
-    found = settings(data, measure)
+    """Return errors over wall time, with bands to the upper quartile, and over unknowns."""
+    measured = settings(data, measure)
     facts = [
         style.point_words(data.attrs["point"], axis_symbols(data)),
         f"reference: {data.attrs['reference']}",
     ]
-    sheet = Sheet(look, data.attrs["title"], facts, [("time", "unknowns")], [CHART], advice(found))
+    title, feet = data.attrs["title"], advice(measured)
+    sheet = Sheet(look, title, facts, [("time", "unknowns")], [CHART], feet)
     sheet.draw(cost_panels(data, measure))
-    for axis in (one for axes in sheet.panels.values() for one in (axes.xaxis, axes.yaxis)):
-        style.few_ticks(axis)
-    sheet.panels["unknowns"].margins(x=0.15)
+    for axes in sheet.panels.values():
+        style.few_ticks(axes.xaxis)
+        style.few_ticks(axes.yaxis)
+    unknowns = sheet.panels["unknowns"]
+    unknowns.margins(x=0.15)
     if len(sheet.heights) == 1:
-        sheet.panels["unknowns"].set_ylabel("")
-        sheet.panels["unknowns"].tick_params(which="both", labelleft=False)
+        unknowns.set_ylabel("")
+        unknowns.tick_params(which="both", labelleft=False)
     sheet.key("unknowns", "time", place="upper left")
     return sheet.finish()
 
 
 def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
-    """The two panels of an error by name."""
-    found = settings(data, measure)
+    """Return the panels of an error over time and over unknowns."""
+    measured = settings(data, measure)
     error = Scale(f"relative error of {SYMBOLS[measure]}")
-    time = Panel(
-        Scale("wall time [s]: least of all runs, band to the upper quartile"),
-        error,
-        log=(True, True),
-        grid=True,
-    )
+    time_axis = Scale("wall time [s]: least of all runs, band to the upper quartile")
+    time = Panel(time_axis, error, log=(True, True), grid=True)
     unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True), grid=True)
-    families, solvers = (data[name].values.tolist() for name in ("family", "solver"))
-    worthy = {(s.family, s.solver) for s in front(found)}
+    families, solvers = data["family"].values.tolist(), data["solver"].values.tolist()
+    on_front = {(setting.family, setting.solver) for setting in front(measured)}
     for family in families:
-        how: dict[str, Any] = {"color": COLOURS[family], "marker": MARKS[family], "markersize": 4.5}
-        unknowns.line([], [], **how, label=family)
-        for k, solver in enumerate(solvers):
-            own = [
-                s
-                for s in found
-                if (s.family, s.solver) == (family, solver) and s.error > 0 and s.time > 0
+        unknowns.line([], [], **_marks(family), label=family)
+        for number, solver in enumerate(solvers):
+            curve = [
+                setting
+                for setting in measured
+                if (setting.family, setting.solver) == (family, solver)
+                and setting.error > 0
+                and setting.time > 0
             ]
-            solved = [s for s in own if s.solved]
-            dash, alpha = LINES[k % len(LINES)], 1.0 if (family, solver) in worthy else PALE
-            t, e, upper, n = (
-                np.array([(s.time, s.error, s.upper, s.n_dof) for s in solved]).reshape(-1, 4).T
-            )
-            ring = [np.concatenate([t, upper[::-1]]), np.concatenate([e, e[::-1]])]
-            time.fill(*ring, color=COLOURS[family], alpha=0.16 * alpha)
-            time.line(t, e, color=COLOURS[family], linestyle=dash, linewidth=1.2, alpha=alpha)
-            for s in own:
-                face = "white" if not s.solved or s.dominated else None
-                time.line(
-                    s.time, s.error, **how, linestyle="none", markerfacecolor=face, alpha=alpha
-                )
-            if k == 0:
-                unknowns.line(n, e, **how, linewidth=1.2)
-                if len(n) > 2 and e.max() > EXACT:
-                    steep = np.polyfit(np.log(n[-3:]), np.log(e[-3:]), 1)[0]
-                    look = {"color": COLOURS[family], "fontsize": 9}
-                    unknowns.note(f"N^{steep:.2f}", (n[-1], e[-1]), (7, 3), **look)
-    for k, solver in enumerate(solvers):
-        time.line(
-            [], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver
-        )
-    own_setting = next((s for s in found if s.own and np.isfinite(s.error)), None)
-    if own_setting is not None:  # white inside where another setting is better in both
-        star = {"marker": "*", "markersize": 13, "markeredgecolor": style.INK, "linestyle": "none"}
-        star |= {"color": "white" if own_setting.dominated else GOLD}
-        dominated = " (dominated)" * own_setting.dominated
-        time.line(own_setting.time, own_setting.error, **star, label=f"the study's own{dominated}")
-        unknowns.line(own_setting.n_dof, own_setting.error, **star)
-    if not all(s.solved and not s.dominated for s in found):
-        open_ = {
-            "color": style.INK,
-            "marker": "o",
-            "markersize": 4.5,
-            "linestyle": "none",
-            "markerfacecolor": "white",
-        }
-        time.line([], [], **open_, label="open: dominated, or not converged")
-    errors = [s.error for s in found if s.error > 0]
+            alpha = 1.0 if (family, solver) in on_front else PALE
+            _draw_times(time, family, curve, LINES[number % len(LINES)], alpha)
+            if number == 0:
+                _draw_unknowns(unknowns, family, curve)
+    for number, solver in enumerate(solvers):
+        look = {"color": style.INK, "linestyle": LINES[number % len(LINES)], "linewidth": 1.2}
+        time.line([], [], **look, label=solver)
+    _draw_own_setting(time, unknowns, measured)
+    if not all(setting.solved and not setting.dominated for setting in measured):
+        look = {"color": style.INK, "marker": "o", "markersize": 4.5}
+        look |= {"linestyle": "none", "markerfacecolor": "white"}
+        time.line([], [], **look, label="open: dominated, or not converged")
+    errors = [setting.error for setting in measured if setting.error > 0]
     if errors:
-        time.limits[1] = unknowns.limits[1] = min(errors) / 1.6, max(errors) * 1.6
+        limits = min(errors) / 1.6, max(errors) * 1.6
+        time.limits[1] = limits
+        unknowns.limits[1] = limits
     return {"time": time, "unknowns": unknowns}
+
+
+def _marks(family: str) -> dict[str, Any]:
+    return {"color": COLOURS[family], "marker": MARKS[family], "markersize": 4.5}
+
+
+def _draw_times(
+    panel: Panel, family: str, curve: Sequence[Setting], dash: Any, alpha: float
+) -> None:
+    """Draw errors over time; open marks are dominated or not solved."""
+    colour = COLOURS[family]
+    solved = [setting for setting in curve if setting.solved]
+    t = np.array([setting.time for setting in solved])
+    upper = np.array([setting.upper for setting in solved])
+    error = np.array([setting.error for setting in solved])
+    ring_t, ring_error = np.concatenate([t, upper[::-1]]), np.concatenate([error, error[::-1]])
+    panel.fill(ring_t, ring_error, color=colour, alpha=0.16 * alpha)
+    panel.line(t, error, color=colour, linestyle=dash, linewidth=1.2, alpha=alpha)
+    for setting in curve:
+        look = _marks(family) | {"linestyle": "none", "alpha": alpha}
+        is_open = not setting.solved or setting.dominated
+        face = "white" if is_open else None
+        panel.line(setting.time, setting.error, **look, markerfacecolor=face)
+
+
+def _draw_unknowns(panel: Panel, family: str, curve: Sequence[Setting]) -> None:
+    """Draw the errors of a family over the unknowns, with the rate of the last three meshes."""
+    solved = [setting for setting in curve if setting.solved]
+    n = np.array([setting.n_dof for setting in solved])
+    error = np.array([setting.error for setting in solved])
+    panel.line(n, error, **_marks(family), linewidth=1.2)
+    if len(n) > 2 and error.max() > EXACT:
+        rate = np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0]
+        look = {"color": COLOURS[family], "fontsize": 9}
+        panel.note(f"N^{rate:.2f}", (n[-1], error[-1]), (7, 3), **look)
+
+
+def _draw_own_setting(time: Panel, unknowns: Panel, measured: Sequence[Setting]) -> None:
+    """Draw a star at the setting of the study, white inside where another is better in both."""
+    setting = next(
+        (setting for setting in measured if setting.own and np.isfinite(setting.error)), None
+    )
+    if setting is None:
+        return
+    star = {"marker": "*", "markersize": 13, "markeredgecolor": style.INK, "linestyle": "none"}
+    star["color"] = "white" if setting.dominated else GOLD
+    dominated = " (dominated)" if setting.dominated else ""
+    time.line(setting.time, setting.error, **star, label=f"the study's own{dominated}")
+    unknowns.line(setting.n_dof, setting.error, **star)

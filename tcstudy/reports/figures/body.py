@@ -46,7 +46,8 @@ UNIFORM = 1e-6
 class Drawn:
     """A body as it is drawn: exaggerated, in scaled units, with the extent of its panel.
 
-    moved, still: (n, 2) coordinates of the nodes, deformed and not, as they are drawn;  axis: what is drawn as 1
+    moved, still: (n, 2) coordinates of the nodes, deformed and not, in drawn units
+    axis:         scale of the drawn units
     factor:       exaggeration of the displacement
     box:          left, right, bottom and top of the panel;  per_inch: what is one inch of it
     rim:          (e, 2) sides of triangles at its boundary
@@ -311,8 +312,7 @@ def boundary_edges(xy: Array, triangles: Indices) -> Indices:
     return edges[first[count == 1]]
 
 
-# -- edges
-# -------------------------------------------------------------------------------------------------------------
+# -- edges -----------------------------------------------------------------------------------------
 
 ROLES: dict[str, dict[str, Any]] = {
     "clamped": {"color": style.INK, "linewidth": 2.2},

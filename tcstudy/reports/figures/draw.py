@@ -1,5 +1,7 @@
-"""`tcstudy draw`: a picture of a result file of any kind: what may be asked of it are its
-function's parameters."""
+"""`tcstudy draw`: a picture of a result file of any kind.
+
+The parameters of a function that makes a picture are the options of that picture.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Drawn = tuple["Figure", str]
-"""A figure, and what it shows in words."""
+"""A figure and one line on its content."""
 Point = Mapping[str, Value] | None
 
 
@@ -35,38 +37,47 @@ def drawn(
     size: style.Size | None = None,
     ax: Any = None,
     panel: str | None = None,
-    **asked: Any,
+    **options: Any,
 ) -> Iterator[tuple[Figure, str, style.Look]]:
-    """The figure of a result file, one line on what it shows, and its looks, in the style in which
-    it must be saved.
+    """Yield the figure of a result file, one line on it, and its looks, in the style to save it in.
 
-    asked: as of `tcstudy.draw`; what is None or False is not asked for
+    options: as of `tcstudy.draw`; None and False count as not given
 
-    Raises StoreError if `file` is no complete result file, DrawError if it does not have what is
-    wanted or matplotlib is not installed, UsageError for what does not go together.
+    Raises StoreError if `file` is no complete result file, DrawError if it lacks the requested
+    data or matplotlib is not installed, UsageError for options that do not go together.
     """
-    kind, remarks = kind_of(file), remarks_of(attributes(file))
-    asked = {name: one for name, one in asked.items() if one is not None and one is not False}
-    make = _maker(kind, asked)
-    told = () if size is not None or ax is not None else tuple(f"Warning: {one}" for one in remarks)
-    look = style.look_of(size, told, ax, panel)
+    kind = kind_of(file)
+    options = {
+        name: value for name, value in options.items() if value is not None and value is not False
+    }
+    make = _maker(kind, options)
+    warnings: tuple[str, ...] = ()
+    if size is None and ax is None:
+        warnings = tuple(f"Warning: {remark}" for remark in remarks_of(attributes(file)))
+    look = style.look_of(size, warnings, ax, panel)
     with reading(file), style.styled(look):
-        yield *make(file, look, **asked), look
+        figure, words = make(file, look, **options)
+        yield figure, words, look
 
 
-def _maker(kind: Kind, asked: Mapping[str, Any]) -> Callable[..., Drawn]:
-    """The function of the picture that is asked for. Raises UsageError for what it does not take,
-    or lacks."""
-    by = next((name for name in RUN if name in asked), "") if kind == "run" else ""
-    make = RUN[by] if by else KINDS[kind]
-    takes = list(signature(make).parameters.values())[2:]
-    for name in asked:
-        if name not in {one.name for one in takes}:
-            what = f"{kind} file" + f" by {by}" * bool(by)
-            raise UsageError(f"{name}: the picture of a {what} does not depend on it; leave it out")
-    for one in takes:
-        if one.default is one.empty and one.name not in asked:
-            raise UsageError(f"{by}: give {one.name}, too, for example {EXAMPLES[one.name]}")
+def _maker(kind: Kind, options: Mapping[str, Any]) -> Callable[..., Drawn]:
+    """Return the function that makes a picture. Raises UsageError for options it does not take."""
+    key = ""
+    if kind == "run":
+        key = next((name for name in RUN if name in options), "")
+    make = RUN[key] if key else KINDS[kind]
+    parameters = list(signature(make).parameters.values())[2:]
+    accepted = {parameter.name for parameter in parameters}
+    for name in options:
+        if name not in accepted:
+            picture = f"{kind} file by {key}" if key else f"{kind} file"
+            raise UsageError(
+                f"{name}: the picture of a {picture} does not depend on it; leave it out"
+            )
+    for parameter in parameters:
+        if parameter.default is parameter.empty and parameter.name not in options:
+            example = EXAMPLES[parameter.name]
+            raise UsageError(f"{key}: give {parameter.name}, too, for example {example}")
     return make
 
 
@@ -75,9 +86,8 @@ EXAMPLES = {"y": "y = slip_length", "of": "of = u_T_max"}
 
 def _path(file: Path, look: style.Look, y: str = "mean-slip") -> Drawn:
     data = load_root(file)
-    return path_figure(
-        data, y, look
-    ), f"{data.attrs['title']}, path along {data.attrs['parameter']}"
+    words = f"{data.attrs['title']}, path along {data.attrs['parameter']}"
+    return path_figure(data, y, look), words
 
 
 def _history(
@@ -97,10 +107,9 @@ def _convergence(file: Path, look: style.Look, at: Point = None) -> Drawn:
 
 def _cost(file: Path, look: style.Look, y: str | None = None) -> Drawn:
     data = load_root(file)
-    name = measure_of(data, y)
-    return cost_figure(
-        data, name, look
-    ), f"{SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
+    measure = measure_of(data, y)
+    words = f"{SYMBOLS[measure]}, {data.attrs['point'] or data.attrs['title']}"
+    return cost_figure(data, measure, look), words
 
 
 def _curves(
@@ -117,10 +126,12 @@ def _curves(
 
 
 def pair_of(names: str | Sequence[str]) -> tuple[str, str]:
-    """Return the two parameters of a map, of a text "alpha,theta_bar" or of two names. Raises
-    UsageError."""
-    given = names.split(",") if isinstance(names, str) else names
-    pair = tuple(str(name).strip() for name in given)
+    """Return the two parameters of a map, from a text "alpha,theta_bar" or two names.
+
+    Raises UsageError for another number of names.
+    """
+    split_names = names.split(",") if isinstance(names, str) else names
+    pair = tuple(str(name).strip() for name in split_names)
     if len(pair) != 2 or not all(pair):
         raise UsageError("map: name two swept parameters, for example alpha,theta_bar")
     return pair
@@ -138,7 +149,13 @@ def _map(
     return map_figure(sweep, look), sweep.words
 
 
-def _law(file: Path, look: style.Look, law: bool, at: Point = None, level: int = -1) -> Drawn:  # noqa: ARG001
+def _law(
+    file: Path,
+    look: style.Look,
+    law: bool,  # noqa: ARG001
+    at: Point = None,
+    level: int = -1,
+) -> Drawn:
     point = read_picture(file, at, level)
     laws = laws_of(point)
     names = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in laws[0])
@@ -171,7 +188,12 @@ def _body(
 
 
 RUN: dict[str, Callable[..., Drawn]] = {"map": _map, "x": _curves, "law": _law, "along": _profile}
-"""By what asks for it, in place of a point."""
+"""Pictures of a run other than a point, by the option that asks for them."""
 KINDS: dict[Kind, Callable[..., Drawn]] = {
-    "run": _body, "path": _path, "history": _history, "fit": _fit, "convergence": _convergence, "cost": _cost,
-}  # fmt: skip
+    "run": _body,
+    "path": _path,
+    "history": _history,
+    "fit": _fit,
+    "convergence": _convergence,
+    "cost": _cost,
+}

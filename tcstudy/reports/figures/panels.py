@@ -79,31 +79,29 @@ class Panel:
         self.items.append((kind, np.atleast_1d(self.x(x)), np.atleast_1d(self.y(y)), how))
 
     def line(self, x: ArrayLike, y: ArrayLike, **how: Any) -> None:
-        """A line or marks, as in Axes.plot."""
+        """Add a line or marks, as in Axes.plot."""
         self._add("line", x, y, how)
 
     def fill(self, x: ArrayLike, y: ArrayLike, **how: Any) -> None:
-        """An area inside a ring."""
+        """Add the area inside a ring."""
         self._add("fill", x, y, {"color": style.BLUE, "alpha": 0.25, "linewidth": 0} | how)
 
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, **how: Any) -> None:
-        """What lies between two lines."""
-        both = [
-            np.concatenate([np.asarray(one), np.asarray(other)[::-1]])
-            for one, other in ((x, x), (low, high))
-        ]
-        self.fill(*both, **how)
+        """Add the area between two lines."""
+        x_ring = np.concatenate([np.asarray(x), np.asarray(x)[::-1]])
+        y_ring = np.concatenate([np.asarray(low), np.asarray(high)[::-1]])
+        self.fill(x_ring, y_ring, **how)
 
     def across(self, value: float, **how: Any) -> None:
-        """A horizontal line all across."""
+        """Add a horizontal line all across."""
         self._add("across", 0.0, value, {"color": style.SHADE, "linewidth": 0.8, "zorder": 0} | how)
 
     def up(self, value: float, **how: Any) -> None:
-        """A vertical line from end to end."""
+        """Add a vertical line from end to end."""
         self._add("up", value, 0.0, {"color": style.SHADE, "linewidth": 0.8, "zorder": 0} | how)
 
     def shade(self, low: float, high: float, upright: bool = True) -> None:
-        """All that lies between two values of x, or of y."""
+        """Shade the area between two values of x, or of y."""
         look = {"color": style.SHADE, "linewidth": 0, "zorder": 0}
         if upright:
             self._add("columns", (low, high), 0.0, look)
@@ -113,7 +111,7 @@ class Panel:
     def note(
         self, text: str, at: Sequence[float], shift: tuple[float, float] = (0.0, 0.0), **how: Any
     ) -> None:
-        """A text beside a place, or above it at the upper edge (`top`), shifted by (x, y) points.
+        """Add a text beside a place, or at the upper edge (`top`), shifted by (x, y) points.
 
         how: ha, va, fontsize (among usual letters) … as of Axes.annotate
         """
@@ -122,29 +120,23 @@ class Panel:
     def arrow(
         self, start: Sequence[float], end: Sequence[float], head: float = 12.0, **how: Any
     ) -> None:
-        """An arrow with a head so large [pt]."""
+        """Add an arrow; head: size of its head [pt]."""
         x, y = np.array([start, end], dtype=float).T
         self._add("arrow", x, y, how | {"head": head})
 
     def names(self, x: ArrayLike, y: ArrayLike, texts: Sequence[str]) -> None:
-        """Texts beside dots, each once, where neither another nor the edge is in the way, nor, if
-        it can be, a line."""
+        """Add texts beside dots, each once, clear of each other, the edge and lines."""
         self._add("names", x, y, {"texts": list(texts)})
 
     def cells(
         self, x: ArrayLike, y: ArrayLike, kinds: Any, colours: Sequence[str], names: Sequence[str]
     ) -> None:
-        """Cells between edges x (n + 1) and y (m + 1), coloured by their kind (n, m); −1 is
-        blank."""
-        self._add(
-            "cells",
-            x,
-            y,
-            {"kinds": np.asarray(kinds), "colours": list(colours), "names": list(names)},
-        )
+        """Add cells between edges x (n + 1) and y (m + 1), coloured by kind (n, m); −1 is blank."""
+        look = {"kinds": np.asarray(kinds), "colours": list(colours), "names": list(names)}
+        self._add("cells", x, y, look)
 
     def window(self, x: Array, y: Array, room: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Show all of x and y, and parts of their ranges beyond."""
+        """Show all of x and y, and parts of their ranges beyond the ends."""
         for k, (values, share) in enumerate(((self.x(x), room[0]), (self.y(y), room[1]))):
             wide = float(np.ptp(values)) or 1.0
             self.limits[k] = float(values.min()) - share * wide, float(values.max()) + share * wide
@@ -158,52 +150,59 @@ class Panel:
             if logarithmic:
                 axes.set(**{name: "log"})
         for kind, x, y, look in self.items:
-            how = look | {"label": style.math(look["label"])} if "label" in look else look
-            match kind:
-                case "line" | "fill":
-                    (axes.plot if kind == "line" else axes.fill)(x, y, **how)
-                case "across" | "rows":
-                    (axes.axhline if kind == "across" else axes.axhspan)(*y, **how)
-                case "up" | "columns":
-                    (axes.axvline if kind == "up" else axes.axvspan)(*x, **how)
-                case "note":
-                    rest = {
-                        key: value
-                        for key, value in how.items()
-                        if key not in ("text", "shift", "top")
-                    }
-                    rest["fontsize"] = style.pt(how.get("fontsize", style.USUAL))
-                    if "top" in how:
-                        y, rest["xycoords"] = np.array([1.0]), axes.get_xaxis_transform()
-                    axes.annotate(
-                        style.math(how["text"]),
-                        (x[0], y[0]),
-                        how["shift"],
-                        textcoords="offset points",
-                        **rest,
-                    )
-                case "arrow":
-                    shape = {
-                        "arrowstyle": "-|>",
-                        "mutation_scale": how["head"],
-                        "shrinkA": 0,
-                        "shrinkB": 0,
-                    }
-                    shape |= {
-                        key: value for key, value in how.items() if key in ("color", "linewidth")
-                    }
-                    axes.annotate("", (x[1], y[1]), (x[0], y[0]), arrowprops=shape, zorder=6)
-                case "cells":
-                    _draw_cells(axes, x, y, **how)
-        puts: tuple[Any, Any] = axes.set_xlim, axes.set_ylim
-        for limits, put in zip(self.limits, puts, strict=True):
-            if limits is not None:
-                put(*limits)
+            _draw_item(axes, kind, x, y, look)
+        x_limits, y_limits = self.limits
+        if x_limits is not None:
+            axes.set_xlim(*x_limits)
+        if y_limits is not None:
+            axes.set_ylim(*y_limits)
         if self.ticks is not None:
             axes.set_xticks(list(self.ticks[0]), list(map(style.math, self.ticks[1])))
         if self.grid:
             axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
             axes.set_axisbelow(True)
+
+
+def _draw_item(axes: Axes, kind: str, x: Array, y: Array, look: dict[str, Any]) -> None:
+    if "label" in look:
+        look = look | {"label": style.math(look["label"])}
+    match kind:
+        case "line":
+            axes.plot(x, y, **look)
+        case "fill":
+            axes.fill(x, y, **look)
+        case "across":
+            axes.axhline(*y, **look)
+        case "rows":
+            axes.axhspan(*y, **look)
+        case "up":
+            axes.axvline(*x, **look)
+        case "columns":
+            axes.axvspan(*x, **look)
+        case "note":
+            _draw_note(axes, x, y, look)
+        case "arrow":
+            _draw_arrow(axes, x, y, look)
+        case "cells":
+            _draw_cells(axes, x, y, **look)
+
+
+def _draw_note(axes: Axes, x: Array, y: Array, look: Mapping[str, Any]) -> None:
+    own_keys = ("text", "shift", "top")
+    text_look = {key: value for key, value in look.items() if key not in own_keys}
+    text_look["fontsize"] = style.pt(look.get("fontsize", style.USUAL))
+    place = x[0], y[0]
+    if "top" in look:
+        place = x[0], 1.0
+        text_look["xycoords"] = axes.get_xaxis_transform()
+    text = style.math(look["text"])
+    axes.annotate(text, place, look["shift"], textcoords="offset points", **text_look)
+
+
+def _draw_arrow(axes: Axes, x: Array, y: Array, look: Mapping[str, Any]) -> None:
+    shape = {"arrowstyle": "-|>", "mutation_scale": look["head"], "shrinkA": 0, "shrinkB": 0}
+    shape |= {key: look[key] for key in ("color", "linewidth") if key in look}
+    axes.annotate("", (x[1], y[1]), (x[0], y[0]), arrowprops=shape, zorder=6)
 
 
 def _draw_cells(
@@ -332,8 +331,7 @@ def contact_nodes(data: Any) -> tuple[NDArray[np.intp], Scale, Array]:
     return order, scale("arclength", ends, str(data["arclength"].attrs["units"])), ends
 
 
-# -- the sheet
-# ---------------------------------------------------------------------------------------------------------
+# -- the sheet -------------------------------------------------------------------------------------
 
 SMALL, LARGE = 0.9, 1.25
 """Size of facts and keys and of the heading, relative to the other letters."""
@@ -357,9 +355,10 @@ SMALLEST = 0.3
 class Sheet:
     """Draw into the `panels`, add keys and bars, then call `finish`.
 
-    facts, feet: what stands below the heading and at the foot of the sheet
-    rows:        names of the panels in rows of these usual heights [inch], as of Figure.subplot_mosaic; on a narrow
-                 sheet all stand below each other
+    facts, feet: lines below the heading and at the foot of the sheet
+    rows:        names of the panels by row, as of Figure.subplot_mosaic; on a narrow sheet all
+                 panels stand below each other
+    heights:     usual heights of the rows [inch]
     """
 
     def __init__(
@@ -438,26 +437,31 @@ class Sheet:
         )
 
     def key(self, *panels: str, place: str = "lower center", title: str | None = None) -> None:
-        """What lines, marks and hatches mean that have a label in these panels, or in all; place:
-        as in Figure.legend.
+        """Add a legend of the labels in these panels, or in all, outside the panels.
 
-        It stands outside the panels.
+        place: as in Figure.legend
         """
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for name in panels or self.panels:
             handles, labels = self.panels[name].get_legend_handles_labels()
-            found = dict(zip(labels, handles, strict=True)) | found
-        if (
-            not found or self.look.into is not None
-        ):  # whose axes they are, asks them for their legend
+            entries = dict(zip(labels, handles, strict=True)) | entries
+        # a user who draws into axes of his own asks them for their legend
+        if not entries or self.look.into is not None:
             return
-        columns = 1 if "right" in place else _columns(list(found), self.wide / SMALL)
+        columns = 1 if "right" in place else _columns(list(entries), self.wide / SMALL)
         where: dict[str, Any] = {"loc": f"outside {place}"}
         self.figure.legend(
-            handles=list(found.values()), **where, title=title and style.math(title), ncols=columns, frameon=False,
-            fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.5 * APART, handlelength=1.6,
+            handles=list(entries.values()),
+            **where,
+            title=title and style.math(title),
+            ncols=columns,
+            frameon=False,
+            fontsize=SMALL * self.look.letters,
+            borderaxespad=0.0,
+            borderpad=0.5 * APART,
+            handlelength=1.6,
             columnspacing=1.2,
-        )  # fmt: skip
+        )
 
     def draw(self, panels: Mapping[str, Panel]) -> None:
         """Draw the panels that the sheet has."""

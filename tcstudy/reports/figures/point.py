@@ -83,8 +83,9 @@ def point_figure(
 def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
     """u_T, ξ and, if it was asked for, the force of the section over the arclength.
 
-    below: the axis of the body that the panels stand below, to have the line's x on it;  ξ is drawn as it is computed:
-           constant on the segment S_i around every contact node
+    below: the axis of the body above the panels, on which they have the x of the line
+
+    ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
     line, length = picture.line, float(picture.line.c.sum())
     (sign, start), s = line.along_x or (1.0, 0.0), below and replace(below, label=f"x{below.label}")
@@ -186,8 +187,7 @@ def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     return ranges
 
 
-# -- profiles
-# ----------------------------------------------------------------------------------------------------------
+# -- profiles --------------------------------------------------------------------------------------
 
 ALONG = 1001
 """Points of a line; fields are linear in a triangle."""
@@ -287,8 +287,7 @@ def _curves(picture: Picture, field: Field, places: Array) -> list[Array]:
     return found
 
 
-# -- laws
-# --------------------------------------------------------------------------------------------------------------
+# -- laws ------------------------------------------------------------------------------------------
 
 SAMPLES = 100
 """Points on a curved piece; a straight one has two."""

@@ -39,7 +39,7 @@ from tcstudy.scene.keys import law_rows
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Body, Clamped, Role, Scalar
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Axis, Study
 from tcstudy.shapes.edges import edge_points
 
 if TYPE_CHECKING:
@@ -244,149 +244,190 @@ def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | N
 
 
 def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator[tuple[Array, str]]:
-    """(forces or displacements (k, 2) at the points, or a resultant (2,); colour) of what an edge
-    has or moves by."""
+    """Yield loads and displacements of an edge with their colours.
 
-    def at(value: Scalar | None) -> Array:
-        if not isinstance(value, int | float | None):
-            return np.broadcast_to(value.evaluate(*points.T), len(points)).astype(float)
-        return np.full(len(points), 0.0 if value is None else float(value))
+    They are (k, 2) at the points, or a resultant (2,).
+    """
 
-    load = role.traction(normals, at)
-    first, second = map(at, role.u)
-    moved = np.column_stack([first, second])
+    def values_at(value: Scalar | None) -> Array:
+        if value is None:
+            return np.zeros(len(points))
+        if isinstance(value, int | float):
+            return np.full(len(points), float(value))
+        return np.broadcast_to(value.evaluate(*points.T), len(points)).astype(float)
+
+    load = role.traction(normals, values_at)
+    first, second = map(values_at, role.u)
+    displacement = np.column_stack([first, second])
     if role.frame == "nt":
-        moved = first[:, None] * normals + second[:, None] * along
-    pushes = (load, style.VERMILLION), (np.array(role.force), style.VERMILLION), (moved, style.BLUE)
-    yield from (one for one in pushes if np.any(one[0]))
+        displacement = first[:, None] * normals + second[:, None] * along
+    if np.any(load):
+        yield load, style.VERMILLION
+    if np.any(role.force):
+        yield np.array(role.force), style.VERMILLION
+    if np.any(displacement):
+        yield displacement, style.BLUE
 
 
 Told = Mapping[tuple[str, ...], Number]
+"""Numbers of a scene by their key paths."""
 ALSO_ZERO = ("nu", "theta", "theta_bar")
-"""Numbers that say something where they are 0: an edge held at θ = 0 is not an insulated one."""
+"""Numbers that count where they are 0: an edge held at θ = 0 is not an insulated one."""
 
 
 def words(told: Told, path: tuple[str, ...], si: bool) -> list[str]:
-    """The numbers under a key path that say something, "g_x = 3 MPa"; β where it does not follow
-    from α_T."""
-    return [
-        f"{' '.join(map(symbol, key[len(path) :] or key[-1:]))} = {_value(one, si)}"
-        for key, one in told.items()
-        if key[: len(path)] == path and not one.idle and (one.value != 0.0 or key[-1] in ALSO_ZERO)
-        if not (key[-1] == "beta" and (*key[:-1], "alpha_T") in told)
-    ]
+    """Return the numbers with effect under a key path, such as "g_x = 3 MPa".
+
+    β is left out where it follows from α_T.
+    """
+    facts = []
+    for key, entry in told.items():
+        if key[: len(path)] != path or entry.idle:
+            continue
+        if not (entry.value != 0.0 or key[-1] in ALSO_ZERO):
+            continue
+        if key[-1] == "beta" and (*key[:-1], "alpha_T") in told:
+            continue
+        name = " ".join(map(symbol, key[len(path) :] or key[-1:]))
+        facts.append(f"{name} = {_value(entry, si)}")
+    return facts
 
 
-def _value(one: Number, si: bool) -> str:
-    if not isinstance(one.value, int | float):
-        return shortened(str(one.value), LONGEST)
-    return with_unit(one.value, one.row.dimension.cf if si else "1")
+def _value(entry: Number, si: bool) -> str:
+    if not isinstance(entry.value, int | float):
+        return shortened(str(entry.value), LONGEST)
+    return with_unit(entry.value, entry.row.dimension.cf if si else "1")
 
 
 def role_words(edge: str, role: Role, told: Told, si: bool) -> list[str]:
-    """What an edge does, with its values: "traction", "g_x = 3 MPa"."""
-    names = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
-    held = type(role) is Clamped and role.word != "symmetry" and any(one != 0.0 for one in role.u)
-    free = [f"{name} free" for name, u in zip(names, role.u, strict=True) if held and u is None]
+    """Return the boundary condition of an edge, with its values: "traction", "g_x = 3 MPa"."""
+    free = []
+    if type(role) is Clamped and role.word != "symmetry" and any(u != 0.0 for u in role.u):
+        names = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
+        free = [f"{name} free" for name, u in zip(names, role.u, strict=True) if u is None]
     return [role.word, *words(told, ("boundary", edge), si), *free]
 
 
 def scene_facts(study: Study, told: Told, lambda_1: float | None) -> Iterator[str]:
-    """Material and heat, the laws' ω beside λ₁, and what the study varies."""
+    """Yield material and heat, the laws' ω beside λ₁, and the parameters that vary."""
     scene, si = study.scenes[0], study.units == "SI"
-    rest = f" ({BODY})" if scene.material.regions else ""
+    region = f" ({BODY})" if scene.material.regions else ""
     material = ", ".join([f"plane {scene.material.plane}", *words(told, ("material",), si)])
-    whole = {key: one for key, one in told.items() if key != ("heat", "q") or not scene.heat.omega}
-    yield ";  ".join(
-        filter(None, [f"Material{rest}: {material}", ", ".join(words(whole, ("heat",), si))])
-    )
-    unit = "Pa m-1" if si else "1"
-    omegas = [law.omega for one in distinct(study.scenes, "friction") for law in one.laws]
-    least, most = min(omegas), max(omegas)
-    ends = dict.fromkeys(
-        with_unit(x, unit) if np.isfinite(x) and x else number(x) for x in (least, most)
-    )
-    fall = f"Steepest fall of the law ω = {' to '.join(ends)}"
-    if lambda_1 is not None:
-        fall += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: " + (
-            "one solution" if most < lambda_1 else "several solutions may exist" if least >= lambda_1 else
-            "one solution for laws with ω below it, several may exist for others")  # fmt: skip
-    yield fall
+    # with heated regions, q stands in them
+    heat_numbers = dict(told)
+    if scene.heat.omega:
+        heat_numbers.pop(("heat", "q"), None)
+    heat = ", ".join(words(heat_numbers, ("heat",), si))
+    yield ";  ".join(filter(None, [f"Material{region}: {material}", heat]))
+    yield _softening(study, lambda_1)
     yield varied(study)
 
 
+def _softening(study: Study, lambda_1: float | None) -> str:
+    """Return the range of ω of the laws, and whether λ₁ of the mesh excludes several solutions."""
+    unit = "Pa m-1" if study.units == "SI" else "1"
+    scenes = distinct(study.scenes, "friction")
+    omegas = [law.omega for scene in scenes for law in scene.laws]
+    least, most = min(omegas), max(omegas)
+    ends = []
+    for omega in (least, most):
+        has_unit = np.isfinite(omega) and omega
+        ends.append(with_unit(omega, unit) if has_unit else number(omega))
+    fact = f"Steepest fall of the law ω = {' to '.join(dict.fromkeys(ends))}"
+    if lambda_1 is None:
+        return fact
+    fact += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: "
+    if most < lambda_1:
+        return fact + "one solution"
+    if least >= lambda_1:
+        return fact + "several solutions may exist"
+    return fact + "one solution for laws with ω below it, several may exist for others"
+
+
 def varied(study: Study) -> str:
-    """What the sweep, path, history or fit of a study varies."""
-    found = []
-    for axis in study.axes:
-        texts, unit = scaled_labels(list(axis.labels), axis_attributes(axis))
-        few = (
-            texts if len(texts) <= MOST_VALUES else [*texts[:2], "…", f"{texts[-1]} ({len(texts)})"]
-        )
-        values = axis.distribution or f"= {', '.join(few)} {pretty(unit)}".rstrip()
-        found.append(
-            f"{symbol(axis.name) if len(axis.path) < 3 else '.'.join(axis.path[1:])} {values}"
-        )
-    swept = f"Sweep: {counted(len(study.scenes), 'point')} of {'; '.join(found)}" if found else ""
+    """Return the parameters that the sweep, path, history or fit of a study varies."""
+    sweep = ""
+    if study.axes:
+        parameters = "; ".join(map(_axis_words, study.axes))
+        sweep = f"Sweep: {counted(len(study.scenes), 'point')} of {parameters}"
     if study.fit is not None:
-        return f"Fit: {', '.join(one.number.name for one in study.fit.parameters)}"
+        names = [parameter.number.name for parameter in study.fit.parameters]
+        return f"Fit: {', '.join(names)}"
     if study.history is not None:
-        loads = f"History: {counted(study.history.steps, 'step')} of {', '.join(map(symbol, study.history.names))}"
-        return ".  ".join(filter(None, [f"{loads}, memory {study.history.memory.words}", swept]))
+        names = list(map(symbol, study.history.names))
+        loads = f"History: {counted(study.history.steps, 'step')} of {', '.join(names)}"
+        history = f"{loads}, memory {study.history.memory.words}"
+        return ".  ".join(filter(None, [history, sweep]))
     if study.path is not None:
-        ends = (with_unit(x, study.path.units) for x in (study.path.begin, study.path.end))
-        return f"Path along {study.path.name} from {' to '.join(ends)}"
-    return swept or "No sweep: one point"
+        begin = with_unit(study.path.begin, study.path.units)
+        end = with_unit(study.path.end, study.path.units)
+        return f"Path along {study.path.name} from {begin} to {end}"
+    return sweep or "No sweep: one point"
+
+
+def _axis_words(axis: Axis) -> str:
+    """Return a swept parameter with its values; of many, the first two and the last."""
+    name = symbol(axis.name) if len(axis.path) < 3 else ".".join(axis.path[1:])
+    if axis.distribution:
+        return f"{name} {axis.distribution}"
+    texts, unit = scaled_labels(list(axis.labels), axis_attributes(axis))
+    if len(texts) > MOST_VALUES:
+        texts = [*texts[:2], "…", f"{texts[-1]} ({len(texts)})"]
+    return f"{name} = {', '.join(texts)} {pretty(unit)}".rstrip()
 
 
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
-    """Laws of a study under the names of sweep and edges and what differs; of many some, the name
-    says how many."""
+    """Return the laws of a study, named by sweep, edge and parameters that differ.
+
+    Of more than MOST_LAWS laws a selection is returned; its names say how many there are.
+    """
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
-    found = [
-        one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)
-    ]
-    every = dict[str, Laws]()
-    for k, (edge, law, _) in enumerate(found):
-        same = [
-            one.made.values
-            for at, one, _ in found
-            if (at, one.name) == (edge, law.name) and one.made
-        ]
-        rows = {row.name: row for row in law_rows(law.made.shape)} if law.made else {}
-        differ = [
-            f"{symbol(name)} = {_value(Number(rows[name], value), study.units == 'SI')}"
-            for name, value in (law.made.values if law.made else {}).items()
-            if isinstance(value, float) and any(other.get(name) != value for other in same)
-        ]
-        given = axis is not None and len(found) == len(axis.labels)
-        name = (
-            str(axis.labels[k])
-            if axis and given
-            else " ".join(filter(None, [edge, law.name, ", ".join(differ)]))
-        )
-        every.setdefault(name, law)
-    shown = [(name, law) for name, law in every.items() if not law.vanishes]
-    if len(shown) > MOST_LAWS:
-        some = np.unique(np.linspace(0, len(shown) - 1, MOST_LAWS).round().astype(int))
-        return [(f"{len(some)} of {len(shown)} laws", shown[k][1]) for k in some]
-    return shown
+    of_edges = []
+    for scene in distinct(study.scenes, "friction"):
+        of_edges += [(edge, law) for edge, law, _ in edge_laws(scene.friction)]
+    has_labels = axis is not None and len(of_edges) == len(axis.labels)
+    by_name = dict[str, Laws]()
+    for index, (edge, law) in enumerate(of_edges):
+        if axis is not None and has_labels:
+            name = str(axis.labels[index])
+        else:
+            alike = [other for at, other in of_edges if (at, other.name) == (edge, law.name)]
+            differences = _differences(law, alike, study.units == "SI")
+            name = " ".join(filter(None, [edge, law.name, ", ".join(differences)]))
+        by_name.setdefault(name, law)
+    laws = [(name, law) for name, law in by_name.items() if not law.vanishes]
+    if len(laws) <= MOST_LAWS:
+        return laws
+    selection = np.unique(np.linspace(0, len(laws) - 1, MOST_LAWS).round().astype(int))
+    title = f"{len(selection)} of {len(laws)} laws"
+    return [(title, laws[index][1]) for index in selection]
+
+
+def _differences(law: Laws, alike: Sequence[Laws], si: bool) -> list[str]:
+    """Return the parameters of a law that differ among laws of the same name and edge."""
+    if not law.made:
+        return []
+    rows = {row.name: row for row in law_rows(law.made.shape)}
+    values_alike = [other.made.values for other in alike if other.made]
+    differences = []
+    for name, value in law.made.values.items():
+        differs = any(values.get(name) != value for values in values_alike)
+        if isinstance(value, float) and differs:
+            differences.append(f"{symbol(name)} = {_value(Number(rows[name], value), si)}")
+    return differences
 
 
 def _draw_laws(sheet: Sheet, laws: Sequence[tuple[str, Laws]], si: bool, size: float) -> None:
-    reach, names = (
-        max(slip_range(law) for _, law in laws) or 1e-3 * size,
-        [name for name, _ in laws],
-    )
+    reach = max(slip_range(law) for _, law in laws) or 1e-3 * size
     values = [law.b(np.linspace(0.0, reach, 50)) for _, law in laws]
-    panel = Panel(
-        scale("slip s", [reach], "m" if si else "1"), scale("b(s)", values, "Pa" if si else "1")
-    )
-    for k, (name, law) in enumerate(laws):
-        shown = name if names.index(name) == k else ""
-        draw_law(
-            panel, law, (-0.03 * reach, reach), shown, color=style.SERIES[k % len(style.SERIES)]
-        )
+    slip = scale("slip s", [reach], "m" if si else "1")
+    panel = Panel(slip, scale("b(s)", values, "Pa" if si else "1"))
+    labelled = set[str]()
+    for index, (name, law) in enumerate(laws):
+        label = "" if name in labelled else name
+        labelled.add(name)
+        colour = style.SERIES[index % len(style.SERIES)]
+        draw_law(panel, law, (-0.03 * reach, reach), label, color=colour)
     panel.draw(sheet.panels["law"])
     sheet.panels["law"].set_ylim(bottom=0.0)
     sheet.legend("law")

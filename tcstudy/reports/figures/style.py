@@ -76,11 +76,11 @@ INCHES = {"cm": 1 / 2.54, "mm": 1 / 25.4, "in": 1.0}
 
 @dataclass(frozen=True)
 class Look:
-    """What is asked of the looks of a picture.
+    """Requested looks of a picture.
 
-    size:  width and height [inch], None for the usual one
-    remarks: lines below everything else
-    into:  axes of somebody's own figure that one panel is drawn into, its first unless `panel` names another
+    size:    width and height [inch], None for the usual ones
+    remarks: lines at the foot of the picture
+    into:    axes of the user's own figure for one panel: the first, or the one that `panel` names
     """
 
     size: tuple[float, float] | None = None
@@ -127,12 +127,11 @@ def size_in_inches(text: str) -> tuple[float, float]:
     )
     if match is None:
         raise UsageError(
-            f"size: {text!r} is none; write width x height with a unit, for example 8x10cm, 80x100mm or 3.2x4in"
+            f"size: {text!r} is none; write width x height with a unit, "
+            "for example 8x10cm, 80x100mm or 3.2x4in"
         )
-    width, height = (
-        float(match[1]) * INCHES[match[2] or match[4]],
-        float(match[3]) * INCHES[match[4]],
-    )
+    width = float(match[1]) * INCHES[match[2] or match[4]]
+    height = float(match[3]) * INCHES[match[4]]
     if not all(SMALLEST <= side <= LARGEST for side in (width, height)):
         least, most = SMALLEST * 2.54, LARGEST * 2.54
         raise UsageError(
@@ -240,7 +239,8 @@ def shown(figure: Figure, dpi: int = DPI) -> Figure:
     """The figure with its picture, which a notebook asks it for; made while its style holds."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
-    figure._repr_png_ = buffer.getvalue  # type: ignore[attr-defined]  # what IPython asks an object for
+    # IPython asks an object for its picture by this name
+    figure._repr_png_ = buffer.getvalue  # type: ignore[attr-defined]
     return figure
 
 

@@ -90,18 +90,21 @@ class Along:
 
 @dataclass(frozen=True)
 class SweepPicture:
-    """P points of a sweep on one level, and one number at each of them.
+    """P points of a sweep on one level, and the value of one quantity at each of them.
 
-    quantity: its name;  axis: what stands for it in pictures, and its units
-    symbols: how its parameters are written, by name
-    fixed:   what the points have in common, in words;  left_out: how many have no number and why, empty if all have one
-    values:  (P,) the number in the units of the file, NaN where there is none
-    proved:  (P,) to be the only solution;  several: (P,) starts led to solutions of different energies
-    at_least: (P,) of numbers of equilibria, those not proved to be all; None for any other number
-    excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known; then, where they are known,
-             those of the lower and the upper bound of λ₁ of the body itself
-    infinite: (P,) the number is infinite, as ω of a law that jumps down;  infinity: "∞" or "−∞"
-    loading: that the curve is no loading curve, where it is none
+    quantity: name of the quantity;  axis: its symbol and scale in pictures
+    symbols:  symbols of the parameters, by name
+    fixed:    values that the points have in common, in words
+    left_out: number of points without a value, and the reasons; empty if all have one
+    values:   (P,) values in the units of the file, NaN where there is none
+    proved:   (P,) whether it is the only solution
+    several:  (P,) whether starts led to solutions of different energies
+    at_least: (P,) whether a number of equilibria is a lower bound; None for other quantities
+    excess:   (P,) ω − λ₁, below 0 where one solution is proved, NaN where it is not known; then the
+              same with the lower and the upper bound of λ₁ of the body, where they are known
+    infinite: (P,) whether the value is infinite, as ω of a law with a down-jump
+    infinity: "∞" or "−∞"
+    loading:  note that the curve is no loading curve, where it is none
     """
 
     title: str
@@ -139,6 +142,20 @@ class SweepPicture:
         return f"{style.symbol(self.quantity)} = {self.infinity}"
 
 
+def _left_out(status: NDArray[Any], has_no_value: Flags) -> str:
+    """Return the number of points without a value, with their reasons; empty if all have one."""
+    codes, counts = np.unique(status[has_no_value], return_counts=True)
+    if not len(codes):
+        return ""
+    reasons = []
+    for code, count in zip(codes, counts, strict=True):
+        is_solved = code == PointStatus.OK
+        reason = "without a value" if is_solved else named(PointStatus(int(code)))
+        reasons.append(f"{count} {reason}")
+    points = counted(len(status), "point")
+    return f"{int(has_no_value.sum())} of {points} left out: {', '.join(reasons)}"
+
+
 def read_sweep(
     path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int
 ) -> SweepPicture:
@@ -152,7 +169,8 @@ def read_sweep(
         data = tree.to_dataset()
         if not axis_names(data):
             raise DrawError(
-                "the file has one point and no swept parameter; draw the point, without x, y and map"
+                "the file has one point and no swept parameter; "
+                "draw the point, without x, y and map"
             )
         names = tuple(parameter(data, given) for given in along)
         if len(set(names)) < len(names):
@@ -183,17 +201,7 @@ def read_sweep(
     energy, more_than_one = flat("start_energy"), several(flat("start_energy"), unique)
     loads = [name for name in names[:1] if name in str(data.attrs.get(SWEPT_LOADS, "")).split()]
     lowest = data.attrs.get(BRANCH, "") == "lowest"
-    gone = [
-        f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
-        for one, count in zip(
-            *np.unique(status[~(good | infinite)], return_counts=True), strict=True
-        )
-    ]
-    left_out = (
-        f"{int((~(good | infinite)).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}"
-        if gone
-        else ""
-    )
+    left_out = _left_out(status, ~(good | infinite))
     with np.errstate(invalid="ignore"):
         of = ["lambda_1", *(one for one in BAND if one in at)]
         excess = tuple(np.where(good, flat("omega") - flat(one), np.nan) for one in of)

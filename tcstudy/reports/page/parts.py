@@ -150,7 +150,7 @@ def sheet_part(
 ) -> Json:
     """Return a table that sorts and is saved as CSV, and the chart of any column over another.
 
-    states: whether the rows are the states;  chart: the first names of x and y, None without a chart
+    states: whether the rows are the states;  chart: first names of x and y, or None
     """
     return {
         "part": "sheet",
