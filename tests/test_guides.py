@@ -58,6 +58,7 @@ PAGES = ("README.md", "configs/README.md", "configs/tutorial.md", "results/comma
 GUIDES = (
     *PAGES,
     "configs/reference.md",
+    "results/reference.md",
     "results/README.md",
     "tcstudy/README.md",
 )

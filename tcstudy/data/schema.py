@@ -186,14 +186,12 @@ _SLIPPING = "length of the contact line that does not stick"
 _ROUNDED = (
     "limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding"
 )
-_SLIVERS = (
-    f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta"
-)
+_SLIVERS = f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost theta digits"
 
 ROOT: tuple[FileVariable, ...] = (
-    FileVariable("h_max", "f8", "m", "longest element edge", LEVEL),
-    count("n_dof", "displacement unknowns", LEVEL, {}),
-    count("n_contact", "contact unknowns m", LEVEL, {}),
+    FileVariable("h_max", "f8", "m", "largest element edge", LEVEL),
+    count("n_dof", "displacement degrees of freedom", LEVEL, {}),
+    count("n_contact", "contact degrees of freedom m", LEVEL, {}),
     FileVariable("status", "i1", "1", "status of the point", extra=STATUS),
     FileVariable("reason", "str", "", "reason of the status", comment="why the point is not ok"),
     result(
@@ -203,13 +201,13 @@ ROOT: tuple[FileVariable, ...] = (
         "inclusion_residual",
         "1",
         "inclusion residual",
-        "largest distance of -S_T from b, filled, over its scale",
+        "largest distance of -S_T from the filled graph of b, over its scale",
     ),
     result(
         "inclusion_rounding",
         "1",
-        "inclusion residual of rounding",
-        "what the rounding of doubles allows",
+        "rounding level of the inclusion residual",
+        "residual that the rounding of doubles alone can cause",
     ),
     flag(
         *(
@@ -225,7 +223,7 @@ ROOT: tuple[FileVariable, ...] = (
         "u_T_max",
         "m",
         "largest |u_T|",
-        "tangential displacement on the contact line, of nodes that no edge holds along it",
+        "at the contact nodes; constrained ends do not count",
     ),
     result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
     result("slip_length", "m", "slip length", f"{_SLIPPING}; missing for laws that stick nowhere"),
@@ -241,28 +239,26 @@ ROOT: tuple[FileVariable, ...] = (
         "lambda_1_error",
         "1",
         "relative error of lambda_1",
-        "by rounding; proofs take the body softer by it",
+        "by rounding; proofs use a body that is softer by it",
     ),
-    result(
-        "omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"
-    ),
+    result("omega", "Pa m-1", "maximum softening slope omega of b", "infinite for a sudden drop"),
     result(
         "uniqueness_margin",
         "Pa m-1",
         "lambda_1 - omega",
         "with the omega of each node; unique if positive",
     ),
-    flag("unique", "only solution"),
-    flag("strict_minimum", "strict local energy minimum"),
-    flag("global_minimum", "least energy of all states"),
+    flag("unique", "unique solution of the discrete problem"),
+    flag("strict_minimum", "strict local minimum of the energy"),
+    flag("global_minimum", "global minimum of the energy"),
     flag("start_used", "start of the stored solution", START_NAMES),
     FileVariable("start_energy", "f8", "J m-1", "energy by start", (*POINT_LEVEL, "start")),
     result("theta_mean", "K", "mean temperature", "of the body above its stress-free state"),
     result(
         "heat_balance",
         "1",
-        "defect of heat balance",
-        "heat through edges against heat put in, relative",
+        "heat balance residual",
+        "heat through edges minus heat input, relative",
     ),
     flag(
         "heat_status",
@@ -275,21 +271,21 @@ ROOT: tuple[FileVariable, ...] = (
 )
 
 _OF_REGIONS = {
-    "elastic": "where b rises from 0 along its first piece",
-    "yielded": "beyond sticking or the first piece of b, where b does not fall",
-    "softening": "where b falls",
-    "debonded": "beyond the last fall of b",
+    "elastic": ("elastic", "where b is on its initial elastic branch"),
+    "yielded": ("plateau", "beyond sticking or the elastic branch, where b does not soften"),
+    "softening": ("softening", "where b softens"),
+    "debonded": ("debonded", "beyond the last softening of b"),
 }
 REGIONS: tuple[FileVariable, ...] = (
     result(
         "breathing_length",
         "m",
-        "breathing length",
+        "slip zone length",
         "where u_T is not 0; missing for laws that stick nowhere",
     ),
     *(
-        result(f"{name}_length", "m", f"{name} length", meaning)
-        for name, meaning in _OF_REGIONS.items()
+        result(f"{name}_length", "m", f"{region} length", meaning)
+        for name, (region, meaning) in _OF_REGIONS.items()
     ),
 )
 """Lengths of the contact line in the regions that the laws have; u_T is linear between nodes."""
@@ -302,13 +298,13 @@ def region_variables(study: Study) -> tuple[FileVariable, ...]:
 
 
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
-_LISTED = "a list that is not proved complete counts those found; of the polygon: within 1e-3 of b"
+_LISTED = "not_proved counts the equilibria found; of_the_polygon: of a polygon within 1e-3 of b"
 EVERY: tuple[FileVariable, ...] = (
     count("solutions", "number of equilibria"),
     count("stable_solutions", "equilibria that are strict local minima"),
     flag(
         "complete",
-        "whether these are all",
+        "completeness of the list of equilibria",
         ("not_proved", "proved", "proved_of_the_polygon"),
         comment=_LISTED,
     ),
@@ -319,7 +315,7 @@ _SOLUTION = ("solution",)
 _SIDES = "counted from the left, jumps included"
 SOLUTION: tuple[FileVariable, ...] = (
     FileVariable(
-        "solution_point", "i4", "1", "place of its point in the sweep, in C order", _SOLUTION
+        "solution_point", "i4", "1", "index of its point in the sweep, in C order", _SOLUTION
     ),
     FileVariable("solution_energy", "f8", "J m-1", "energy of the equilibrium", _SOLUTION),
     FileVariable(
@@ -333,7 +329,7 @@ SOLUTION: tuple[FileVariable, ...] = (
     FileVariable("solution_u_T", "f8", "m", "tangential displacement", (*_SOLUTION, "node")),
     FileVariable("solution_xi", "f8", "Pa", "tangential traction -S_T", (*_SOLUTION, "node")),
     FileVariable(
-        "solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), _SIDES
+        "solution_piece", "i4", "1", "segment of the law's graph", (*_SOLUTION, "node"), _SIDES
     ),
 )
 """All solutions of all points of a level, point by point, the lowest energy of a point first."""
@@ -358,7 +354,7 @@ ESTIMATES: tuple[FileVariable, ...] = (
         "estimated error",
         "of the displacement in the energy norm, over its own norm",
     ),
-    FileVariable("stop", "str", "", "why refinement ended", LEVEL),
+    FileVariable("stop", "str", "", "reason why refinement ended", LEVEL),
 )
 """Variables of a study that estimates errors."""
 
@@ -403,8 +399,8 @@ def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
         return ()
     units, meaning = _GOALS[goal.quantity]
     estimates = (
-        result("goal", units, "goal of the study", meaning),
-        result("goal_estimate", units, "estimated error of the goal", "absolute"),
+        result("goal", units, "quantity of interest", meaning),
+        result("goal_estimate", units, "estimated error of the quantity of interest", "absolute"),
     )
     if goal.known is None and not exact:
         return estimates
@@ -414,7 +410,7 @@ def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
     ratio = "goal_estimate over goal_error"
     return (
         *estimates,
-        result("goal_error", units, "error of the goal", reference),
+        result("goal_error", units, "error of the quantity of interest", reference),
         result("goal_effectivity", "1", "effectivity of the estimate", ratio),
     )
 
@@ -436,14 +432,14 @@ _SENSE = "positive with the body on the left, counter-clockwise on an outline, t
 CONTACT: tuple[FileVariable, ...] = (
     place("arclength", "arc length on contact line", _NODE),
     *(place(name, f"{name} of the contact node", _NODE) for name in "xy"),
-    FileVariable("c", "f8", "m", "contact length of the node", _NODE, extra=_AT_NODE),
+    FileVariable("c", "f8", "m", "tributary length of the node", _NODE, extra=_AT_NODE),
     FileVariable("edge", "i1", "1", "contact edge", _NODE, extra=_AT_NODE),
     FileVariable(
         "u_T", "f8", "m", "tangential displacement", _ON_LINE, _SENSE, extra=_RESULT_AT_NODE
     ),
     FileVariable("xi", "f8", "Pa", "tangential traction -S_T", _ON_LINE, extra=_RESULT_AT_NODE),
     FileVariable(
-        *("sticks", "i1", "1", "rests on an up-jump of b", _ON_LINE),
+        *("sticks", "i1", "1", "sticks, on a vertical segment of b", _ON_LINE),
         extra={**flags("unknown", "slips", "sticks", first=UNKNOWN), **_RESULT_AT_NODE},
         no_value=UNKNOWN,
     ),
@@ -451,20 +447,20 @@ CONTACT: tuple[FileVariable, ...] = (
 
 _WHOLE = "of the whole body across the line at the node, positive in tension"
 SECTION = FileVariable(
-    "section_force", "f8", "N m-1", "force of the section", _ON_LINE, _WHOLE, _RESULT_AT_NODE
+    "section_force", "f8", "N m-1", "section force", _ON_LINE, _WHOLE, _RESULT_AT_NODE
 )
 LAYER = "layer_force_"
 """Prefix of the names of the forces of layers, which are variables like SECTION."""
 
 _AT_END = {"coordinates": "held_arclength held_x held_y"}
 HELD: tuple[FileVariable, ...] = (
-    place("held_arclength", "arc length of the held end", _END),
-    *(place(f"held_{name}", f"{name} of the held end", _END) for name in "xy"),
+    place("held_arclength", "arc length of the constrained end", _END),
+    *(place(f"held_{name}", f"{name} of the constrained end", _END) for name in "xy"),
     FileVariable(
         "held_u_T",
         "f8",
         "m",
-        "tangential displacement of the held end",
+        "tangential displacement of the constrained end",
         (SWEEP, *_END),
         extra=_AT_END,
     ),
@@ -475,7 +471,7 @@ JOINTS: tuple[FileVariable, ...] = (
     FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", ("joint",)),
     FileVariable("joint_edge", "i1", "1", "the edge before the node", ("joint",)),
     FileVariable(
-        "joint_share", "f8", "1", "part of its contact length on the edge before", ("joint",)
+        "joint_share", "f8", "1", "part of its tributary length on the edge before", ("joint",)
     ),
 )
 """Nodes with the friction of two contact edges (`tcstudy.laws.composed`)."""
@@ -522,14 +518,22 @@ FIELDS: tuple[FileVariable, ...] = (
     ),
 )
 
-_GIVE = "1 where lambda/mu is that of the first point, so that these arrays give the problem"
+_GIVE = (
+    "1 where lambda/mu is that of the first point: only there do these arrays define the problem"
+)
 LIVE: tuple[FileVariable, ...] = (
     FileVariable(
         "A_tilde", "f8", "Pa", "condensed stiffness of the first point", ("node", "node_column")
     ),
     FileVariable("stiffness", "f8", "1", "mu over that of the first point", (SWEEP,)),
     FileVariable("load", "f8", "N m-1", "condensed load", _ON_LINE),
-    FileVariable("mechanical_load", "f8", "N m-1", "its part from f, g and pressure", _ON_LINE),
+    FileVariable(
+        "mechanical_load",
+        "f8",
+        "N m-1",
+        "part of the condensed load from f, g and pressure",
+        _ON_LINE,
+    ),
     FileVariable("valid", "f8", "1", _GIVE, (SWEEP,)),
 )
 """The group `live` of a level: arrays with which a browser solves its contact problems.
@@ -662,7 +666,7 @@ QUANTITIES = {
     "friction_resultant": ("N m-1", "friction resultant"),
     "theta_mean": ("K", "mean temperature"),
     "lambda_1": ("Pa m-1", "tangential stiffness lambda_1"),
-    "omega": ("Pa m-1", "steepest fall omega of b"),
+    "omega": ("Pa m-1", "maximum softening slope omega of b"),
     "energy": ("J m-1", "energy"),
 }
 """Differentiated quantities, their units and names.
@@ -686,7 +690,7 @@ def requested_variables(study: Study) -> tuple[FileVariable, ...]:
             long_name = f"{axis} of the largest von Mises stress"
             variables.append(result(f"von_mises_{axis}", "m", long_name, comment))
     if "section_force" in quantities:
-        long_name = "largest force of a section"
+        long_name = "largest section force"
         sign = "with its sign, positive in tension"
         variables.append(result("section_force_max", "N m-1", long_name, sign))
         variables.append(result("section_force_at", "m", f"arc length of the {long_name}"))
@@ -701,7 +705,7 @@ def line_variables(study: Study) -> tuple[FileVariable, ...]:
     layer = replace(SECTION, comment=f"{position}; in balance with all others, of P1 stresses")
     variables = [SECTION]
     for name, _ in study.scenes[0].material.regions:
-        long_name = f"force of the section of {name}"
+        long_name = f"section force of {name}"
         variables.append(replace(layer, name=LAYER + name, long_name=long_name))
     return tuple(variables)
 
@@ -790,7 +794,7 @@ def derivatives(
     comment = "difference of whole histories; missing where both sides differ"
     if "step" not in dims:
         comment = "at the solution, while its nodes keep their pieces of b"
-        events = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
+        events = "nodes about to slip, to stop or to pass a kink, to 1e-9"
         variable = count(SENSITIVITY_EVENTS, "contact nodes at an event", extra={})
         yield replace(variable, comment=events)
     for parameter, quantity in product(parameters, quantities):

@@ -121,13 +121,13 @@ CURVE: tuple[FileVariable, ...] = (
     _number(
         "residual",
         "1",
-        "largest distance of -S_T from balance over the scale of friction",
+        "largest residual of equilibrium at the contact nodes over the scale of friction",
         _VERTEX,
         "parameter",
     ),
-    _flag("stable", "strict local minimum of the energy inside the piece", _PIECE, _STABLE),
+    _flag("stable", "strict local minimum of the energy inside the segment", _PIECE, _STABLE),
     replace(
-        _flag("state", "what the contact node does on the piece", ("piece", "node"), _STATES),
+        _flag("state", "state of the contact node on the segment", ("piece", "node"), _STATES),
         extra={"coordinates": "arclength x y", **flags(*_STATES)},
     ),
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
@@ -137,23 +137,31 @@ CURVE: tuple[FileVariable, ...] = (
         ("fold",),
     ),
     _number(
-        "lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL
+        "lowest_begin",
+        T,
+        "lower end of a range in which one segment has the least energy",
+        _INTERVAL,
     ),
     _number(
-        "lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL
+        "lowest_end", T, "upper end of a range in which one segment has the least energy", _INTERVAL
     ),
-    _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
+    _index("lowest_piece", "segment with the least energy on the path in the range", _INTERVAL),
     _flag(
-        "lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED
+        "lowest_certified",
+        "global minimum of the energy, proved at mid-range",
+        _INTERVAL,
+        CERTIFIED,
     ),
 )
 """The polygon of solutions with k vertices and k − 1 pieces, and lists beside it."""
 SOLUTIONS: tuple[FileVariable, ...] = (
-    _number("at", T, "value at which solutions were asked for", _AT),
+    _number("at", T, "requested value of the parameter", _AT),
     _index("solution_count", "number of solutions on the path at the value", _AT),
     _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
     *_states("solution_", "solution", "parameter of the solution"),
-    _index("solution_piece", "piece of the path that holds the solution, -1 for none", _SOLUTION),
+    _index(
+        "solution_piece", "segment of the path that contains the solution, -1 for none", _SOLUTION
+    ),
     _number(
         "solution_residual",
         "1",
@@ -164,7 +172,7 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _number(
         "solution_rounding",
         "1",
-        "what rounding allows of the inclusion residual",
+        "rounding level of the inclusion residual",
         _SOLUTION,
         "solution_parameter",
     ),
@@ -172,16 +180,16 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _flag(
         "solution_lowest", "least energy on the path at its value", _SOLUTION, ("higher", "lowest")
     ),
-    _flag("solution_unique", "certified to be the only solution", _SOLUTION, CERTIFIED),
+    _flag("solution_unique", "unique solution of the discrete problem", _SOLUTION, CERTIFIED),
     _flag(
         "solution_strict_minimum",
-        "certified to be a strict local minimum of the energy",
+        "strict local minimum of the energy",
         _SOLUTION,
         CERTIFIED,
     ),
     _flag(
         "solution_global_minimum",
-        "certified to have the least energy of all states",
+        "global minimum of the energy",
         _SOLUTION,
         CERTIFIED,
     ),
@@ -190,26 +198,28 @@ SOLUTIONS: tuple[FileVariable, ...] = (
 LOOP: tuple[FileVariable, ...] = (
     *_states("loop_", "loop_vertex", "parameter along the hysteresis loop"),
     _index("loop_branch", "stable branch, counted along the loop", _LOOP),
-    _number("jump_parameter", T, "parameter at which the body falls to another branch", _JUMP),
-    _index("jump_vertex", "last vertex of the loop before the fall", _JUMP),
+    _number("jump_parameter", T, "parameter at the jump to another branch", _JUMP),
+    _index("jump_vertex", "last vertex of the loop before the jump", _JUMP),
     _flag("jump_rising", "whether the parameter was growing", _JUMP, ("falling", "rising")),
-    _number("jump_drop", "J m-1", "energy lost in the fall, per unit thickness", _JUMP),
-    _number("energy_lost", "J m-1", "energy lost in one loop at the falls, per unit thickness"),
-    _number("loop_area", "J m-1", "area of the loop; the energy lost if it is closed"),
+    _number("jump_drop", "J m-1", "energy released at the jump, per unit thickness", _JUMP),
+    _number(
+        "energy_lost", "J m-1", "energy dissipated by the jumps of one loop, per unit thickness"
+    ),
+    _number("loop_area", "J m-1", "area of the loop; the dissipated energy if it is closed"),
     _flag("loop_closed", "whether the loop ends where it began", ()),
     _flag("loop_complete", "whether both ends of the range were reached", ()),
 )
 """The quasi-static hysteresis loop: stable branches one after the other, and the jumps between."""
 BRANCHES: tuple[FileVariable, ...] = (
-    _flag("complete", "whether these are all branches", (), CERTIFIED),
-    _flag("at_complete", "whether the solutions at the value are all", _AT, CERTIFIED),
+    _flag("complete", "completeness of the list of branches", (), CERTIFIED),
+    _flag("at_complete", "completeness of the solutions at the value", _AT, CERTIFIED),
     _flag("branch_loop", "whether the branch is closed", _BRANCH, ("open", "closed")),
     _flag("branch_on_path", "whether the path goes along it", _BRANCH, ("apart", "on_path")),
     _index("branch_of", "branch that the vertex is on, its vertices in their order", _ON_BRANCH),
     *_states("branch_", "branch_vertex", "parameter at the vertex"),
     _flag(
         "branch_stable",
-        "stability of the piece after the vertex, if there is one",
+        "stability of the segment after the vertex, if there is one",
         _ON_BRANCH,
         _STABLE,
     ),
@@ -219,9 +229,9 @@ LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",)
 """The contact line, as in the files of runs."""
 MESH_LEVEL: tuple[FileVariable, ...] = (
     _index("level", "mesh level, from coarse to fine"),
-    _number("h_max", "m", "longest element edge"),
-    _index("n_dof", "number of displacement unknowns"),
-    _index("n_contact", "number of contact unknowns m"),
+    _number("h_max", "m", "largest element edge"),
+    _index("n_dof", "number of displacement degrees of freedom"),
+    _index("n_contact", "number of contact degrees of freedom m"),
 )
 LEVEL: tuple[FileVariable, ...] = (
     *MESH_LEVEL,
@@ -230,13 +240,15 @@ LEVEL: tuple[FileVariable, ...] = (
     _number(
         "lambda_1_error",
         "1",
-        "relative error of lambda_1 by rounding; proofs take the body softer by it",
+        "relative error of lambda_1 by rounding; proofs use a body that is softer by it",
     ),
-    _number("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
+    _number(
+        "omega", "Pa m-1", "maximum softening slope of the friction law; infinite for a sudden drop"
+    ),
     _number(
         "law_error",
         "1",
-        "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact",
+        "error of the piecewise-linear approximation of the law over its scale; 0 for an exact one",
     ),
 )
 """Variables of a path without a dimension."""
@@ -259,7 +271,7 @@ _PER = "per unit thickness"
 _WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
 _CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
 _DEBONDED = (
-    "where kappa passes the slip at which the law has fallen, linear between nodes; "
+    "where kappa passes the slip of full debonding, linear between nodes; "
     "missing where it is nowhere"
 )
 STEPS: tuple[FileVariable, ...] = (
@@ -278,9 +290,11 @@ STEPS: tuple[FileVariable, ...] = (
         f"by friction, yielding or damage, {_PER}",
     ),
     _of_step("work", "J m-1", "work of the loads' change", _WORK),
-    _of_step("closure", "J m-1", "energy missed by finite steps", _CLOSURE),
+    _of_step("closure", "J m-1", "time-discretisation energy defect", _CLOSURE),
     _of_step("released", "J m-1", "energy released by jumps", _PER),
-    _of_step("identity", "1", "defect of energy identity", "relative to its terms; rounding"),
+    _of_step(
+        "identity", "1", "energy balance residual", "relative to its terms; at rounding level"
+    ),
     replace(
         _OF_ROOT["inclusion_residual"], comment="largest distance of -S_T from the law of the step"
     ),
@@ -289,10 +303,10 @@ STEPS: tuple[FileVariable, ...] = (
     *(replace(v, dims=_AT_STEP, comment=f"{v.comment}, at kappa in place of u_T") for v in REGIONS),
     _of_step("debonded_from", "m", "arclength from which the bond is debonded", _DEBONDED),
     _of_step("debonded_to", "m", "arclength up to which the bond is debonded", _DEBONDED),
-    replace(_OF_ROOT["unique"], long_name="only solution of the step"),
+    replace(_OF_ROOT["unique"], long_name="unique solution of the step"),
     _OF_ROOT["strict_minimum"],
-    replace(_OF_ROOT["global_minimum"], long_name="least energy of the step"),
-    count("parts", "problems solved, or pieces of the path", _AT_STEP),
+    replace(_OF_ROOT["global_minimum"], long_name="global minimum of the energy of the step"),
+    count("parts", "problems solved, or segments of the path", _AT_STEP),
     _OF_ROOT["iterations"],
     count("jumps", "jumps in the step", _AT_STEP),
 )
@@ -306,7 +320,7 @@ NODES: tuple[FileVariable, ...] = (
     replace(_of_node("jumped", "1", "moved by a jump"), dtype="i1", no_value=-1),
 )
 """Variables of a history by step and node."""
-_LOOSE = "0 where only friction holds the body"
+_LOOSE = "0 where only friction restrains rigid-body motion"
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
     FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), _LOOSE),
@@ -334,15 +348,15 @@ _FITTED = "of fitted minus observed value over its noise"
 
 
 FIT = (
-    FileVariable("parameter", "str", "", "number that was found", P, coordinate=True),
-    FileVariable("parameter_units", "str", "", "its units", P),
+    FileVariable("parameter", "str", "", "fitted parameter", P, coordinate=True),
+    FileVariable("parameter_units", "str", "", "units of the parameter", P),
     _own("estimate", "estimate"),
     _own("standard_error", "standard error"),
     _own("interval", "95 % interval", (*P, "end")),
     FileVariable(
         "mesh_shift", "f8", "1", "change on a mesh of half the size over the standard error", P
     ),
-    FileVariable("logarithmic", "i1", "1", "found by its logarithm", P, extra=flags("no", "yes")),
+    FileVariable("logarithmic", "i1", "1", "fitted by its logarithm", P, extra=flags("no", "yes")),
     FileVariable("at_bound", "i1", "1", "on a bound", P, extra=flags("no", "yes")),
     FileVariable(
         "covariance",
@@ -356,13 +370,17 @@ FIT = (
         "singular_value", "f8", "1", "singular values of the Jacobian by ln p", ("direction",)
     ),
     FileVariable(
-        "singular_vector", "f8", "1", "their directions in ln p", ("direction", "parameter")
+        "singular_vector",
+        "f8",
+        "1",
+        "directions of the singular values in ln p",
+        ("direction", "parameter"),
     ),
     FileVariable("measured_column", "i4", "1", "column of the datum", D),
     FileVariable("datum", "f8", "1", "measured value", D, comment="in SI units of its column"),
-    FileVariable("datum_given", "f8", "1", "parameter of the load at it", D),
-    FileVariable("predicted", "f8", "1", "value of the study", D),
-    FileVariable("predicted_given", "f8", "1", "parameter of the load there", D),
+    FileVariable("datum_given", "f8", "1", "load parameter of the datum", D),
+    FileVariable("predicted", "f8", "1", "value of the model", D),
+    FileVariable("predicted_given", "f8", "1", "load parameter of the predicted value", D),
     FileVariable(
         "residual",
         "f8",
@@ -379,19 +397,21 @@ FIT = (
         (*D, *P),
         comment=f"{_FITTED}; of an orthogonal fit of the signed distance",
     ),
-    FileVariable("noise", "f8", "1", "standard deviation of the noise", D),
+    FileVariable("noise", "f8", "1", "measurement standard uncertainty", D),
     FileVariable("cost", "f8", "1", "half the sum of squares by evaluation", ("improvement",)),
     FileVariable("start_cost", "f8", "1", "half the sum of squares, by distinct minimum", S),
     FileVariable("start_count", "i4", "1", "starts that end in this minimum", S),
     FileVariable(
         "start_estimate", "f8", "1", "estimate, by distinct minimum", (*S, *P), comment=_UNITS
     ),
-    FileVariable("curve_given", "f8", "1", "parameter of the load along the curve", ("vertex",)),
-    FileVariable("curve_measured", "f8", "1", "value of the study along the curve", ("vertex",)),
+    FileVariable("curve_given", "f8", "1", "load parameter along the curve", ("vertex",)),
+    FileVariable("curve_measured", "f8", "1", "value of the model along the curve", ("vertex",)),
     FileVariable("fold_vertex", "i4", "1", "vertex of a fold", ("fold",)),
     FileVariable("law_slip", "f8", "m", "slip", ("law_place",)),
     FileVariable("law_traction", "f8", "Pa", "fitted friction law", ("law_place",)),
-    FileVariable("law_error", "f8", "Pa", "its standard error", ("law_place",)),
+    FileVariable(
+        "law_error", "f8", "Pa", "standard error of the fitted friction law", ("law_place",)
+    ),
 )
 """All variables that a file of a fit may hold.
 
@@ -515,9 +535,9 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
 
 
 LEVELS = (
-    FileVariable("h_max", "f8", "m", "longest element edge", ("level",)),
-    FileVariable("n_dof", "i4", "1", "number of displacement unknowns", ("level",)),
-    FileVariable("n_contact", "i4", "1", "number of contact unknowns", ("level",)),
+    FileVariable("h_max", "f8", "m", "largest element edge", ("level",)),
+    FileVariable("n_dof", "i4", "1", "number of displacement degrees of freedom", ("level",)),
+    FileVariable("n_contact", "i4", "1", "number of contact degrees of freedom", ("level",)),
     FileVariable(
         "compared", "i1", "1", "1 if the level is compared with the reference", ("level",)
     ),
@@ -526,14 +546,14 @@ LEVELS = (
 _ONCE = (SWEEP,)
 _ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("error", "f8", "1", POINT_LEVEL, "relative {}"),
-    ("rate", "f8", "1", POINT_LEVEL, "rate from the level before: {}"),
+    ("rate", "f8", "1", POINT_LEVEL, "observed order from the level before: {}"),
     ("size_squared", "f8", "{}", _ONCE, "square of the norm of the reference, for the {}"),
-    ("slope", "f8", "1", _ONCE, "least-squares order: {}"),
+    ("slope", "f8", "1", _ONCE, "fitted order: {}"),
     ("slope_error", "f8", "1", _ONCE, "standard error of the order: {}"),
     ("first_level", "i4", "1", _ONCE, "first asymptotic level, -1 for none: {}"),
     ("expected", "f8", "1", _ONCE, "expected order: {}"),
     ("reason", "str", "1", _ONCE, "reason of the expected order: {}"),
-    ("verdict", "i1", "1", _ONCE, "what the rates say: {}"),
+    ("verdict", "i1", "1", _ONCE, "verdict on the measured orders: {}"),
 )
 """Variables of an error: prefix of the name of the measure, type, units, dimensions, meaning."""
 _NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
@@ -579,7 +599,7 @@ def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
     """Return the variables of an error, and of whether it is dominated."""
     is_error = measure in (*ERRORS, BOUND)
     error = measure.long_name if is_error else f"error of the {measure.long_name}"
-    dominated = f"whether another is as fast and as accurate: {error}"
+    dominated = f"whether another setting is as fast and as accurate: {error}"
     front = flags("on_the_front", "dominated")
     return (
         FileVariable(f"error_{measure.name}", "f8", "1", f"relative {error}", _SOLVED),
@@ -594,12 +614,20 @@ COST_TABLE = (
     ),
     LEVEL_COORDINATE,
     FileVariable("run", "i4", "1", "repetition of the timing", ("run",), coordinate=True),
-    FileVariable("h_max", "f8", "m", "longest element edge", _MESHES),
+    FileVariable("h_max", "f8", "m", "largest element edge", _MESHES),
     FileVariable(
-        "n_dof", "i4", "1", "number of displacement unknowns, -1 where there is no mesh", _MESHES
+        "n_dof",
+        "i4",
+        "1",
+        "number of displacement degrees of freedom, -1 where there is no mesh",
+        _MESHES,
     ),
     FileVariable(
-        "n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES
+        "n_contact",
+        "i4",
+        "1",
+        "number of contact degrees of freedom, -1 where there is no mesh",
+        _MESHES,
     ),
     FileVariable("status", "i1", "1", "status of the solution", _SOLVED, extra=STATUS),
     FileVariable("reason", "str", "", "why there is no solution", _SOLVED),
