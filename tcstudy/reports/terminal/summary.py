@@ -1,4 +1,4 @@
-"""What the terminal says of any result file.
+"""Report of any result file on the terminal.
 
 Of a run one table of levels, one of the finest level's points, and a row for each of several
 solvers.
@@ -31,6 +31,7 @@ from tcstudy.reports.select_point import Value, axis_labels, axis_symbol, descri
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.text import (
     PROOFS,
+    FailedSolution,
     Heading,
     Part,
     Table,
@@ -47,27 +48,28 @@ from tcstudy.reports.text import (
     render,
 )
 
-NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "uniqueness_margin")
-"""Variables of which a summary says nothing: of a long sweep they need not be in memory."""
-MOST_ROWS = 48
+NOT_REPORTED = ("start_energy", "start_used", "iterations", "evaluations", "uniqueness_margin")
+"""Variables that a summary does not use: of a long sweep they need not be in memory."""
+MAX_ROWS = 48
 """Points shown; the file has them all."""
 
 
 def text_of(
     file: Path, full: bool = False, point: Mapping[str, Value] | None = None, of: str | None = None
 ) -> str:
-    """Its sentences and tables, from the file alone. Raises StoreError.
+    """Return the sentences and tables of a file, from the file alone. Raises StoreError.
 
     full:  all rows, steps and tables
     point: labels of the points of a run to list, or of that of a convergence to show
-    of:    of a design, the number whose indices to show
+    of:    of a design, the variable whose indices to show
     """
     kind, verdict = kind_of(file), verdict_of(file)
-    data = load_table(file, NOT_SAID if kind == "run" else ())
-    heading, *rest = KINDS[kind][1](data, full, point)
+    data = load_table(file, NOT_REPORTED if kind == "run" else ())
+    _, parts_of = KINDS[kind]
+    heading, *parts = parts_of(data, full, point)
     # the labelled lines of costs stand in their parts, which are those of one error
     first = [] if kind == "cost" else [verdict]
-    text = render([heading, *first, *rest]).rstrip("\n")
+    text = render([heading, *first, *parts]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text
 
@@ -76,12 +78,14 @@ def text_of(
 
 
 def verdict_of(path: Path) -> Verdict:
-    """Return what a file of any kind says first. Raises StoreError.
+    """Return the verdict of a file of any kind. Raises StoreError.
 
     A run may have a million points: of it a few variables are read.
     """
-    if (kind := kind_of(path)) != "run":
-        return KINDS[kind][0](load_table(path))
+    kind = kind_of(path)
+    if kind != "run":
+        verdict, _ = KINDS[kind]
+        return verdict(load_table(path))
     with opened(path) as nc:
         return sentences.run_verdict(nc)
 
@@ -89,20 +93,21 @@ def verdict_of(path: Path) -> Verdict:
 def run_parts(
     data: Any, full: bool = False, point: Mapping[str, Value] | None = None
 ) -> Iterator[Part]:
-    """What a run's file holds.
+    """Yield the levels of a run, its points, and what failed or is limited.
 
-    full: all points are listed;  point: labels that those have which are
+    full: list all points;  point: labels of the points to list
     """
     data = of_largest(data)
     yield Heading(data.attrs["title"], 1)
     yield _levels(data)
     if GEOMETRIES in data.attrs:
-        yield f"  {data.attrs[GEOMETRIES]} geometries: the largest h_max, dofs and contact, the least λ₁"
+        count = data.attrs[GEOMETRIES]
+        yield f"  {count} geometries: the largest h_max, dofs and contact, the least λ₁"
     if "stop" in data and data["stop"].values[-1]:
         yield f"  stopped: {data['stop'].values[-1]}"
-    yield from _points(data, None if full else MOST_ROWS, point or {})
+    yield from _points(data, None if full else MAX_ROWS, point or {})
     yield from solvers_compared(data)
-    for line in _said(data):
+    for line in (*_failures(data), *_limits(data)):
         yield f"  {line}"
 
 
@@ -117,7 +122,7 @@ _ESTIMATED = (
 
 
 def _levels(data: Any) -> Table:
-    """One row per mesh level: size, outcome, worst residual, and the seconds that it took."""
+    """Return one row per level: size, solved points, worst residual, and the seconds it took."""
 
     def by_level(name: str) -> Any:
         """Return (P, levels) values of a number of the points."""
@@ -140,7 +145,8 @@ def _levels(data: Any) -> Table:
         quantity("λ₁", lowest, data["lambda_1"].attrs["units"], rank=6),
         quantity("time [s]", spent, digits=2, rank=8),
     ]
-    for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
+    estimated = [(name, title) for name, title in _ESTIMATED if name in data]
+    for rank, (name, title) in enumerate(estimated, 1):
         units = data[name].attrs.get("units", "1")
         largest = np.fmax.reduce(by_level(name))
         columns.append(quantity(title, largest, units, 2, rank, data[name].values))
@@ -182,24 +188,24 @@ FEW_POINTS = 4
 
 
 def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
-    """One row per point on the finest level, with what changed in ∫ξ since the level before."""
+    """Yield one row per point on the finest level, with the change by the last level."""
     rows = _Rows(data, most, point)
     fine = rows.fine
-    few = ""
+    part = ""
     if len(rows.shown) < rows.chosen:
-        few = f" first {len(rows.shown)} of {rows.chosen} points"
-    yield f"  Level {int(fine['level'])}, the finest:{few}"
+        part = f" first {len(rows.shown)} of {rows.chosen} points"
+    yield f"  Level {int(fine['level'])}, the finest:{part}"
     labels = rows.labels()
-    usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
+    usual = [row for row in _COLUMNS if row[0] in fine and np.isfinite(fine[row[0]].values).any()]
     usual_columns = rows.usual(usual)
-    rest = rows.rest()
+    proofs = rows.proofs_and_changes()
     requested = _requested(data)
     columns = [rows.column(name, name, rank) for rank, name in enumerate(requested, 1)]
-    whole = [*labels, *usual_columns, *columns, *rest]
-    if fits(whole):
-        yield Table("", whole)
+    in_one_table = [*labels, *usual_columns, *columns, *proofs]
+    if fits(in_one_table):
+        yield Table("", in_one_table)
         return
-    yield Table("", [*labels, *usual_columns, *rest])
+    yield Table("", [*labels, *usual_columns, *proofs])
     if not requested:
         return
     yield "  Requested by output:"
@@ -220,7 +226,7 @@ def _requested(data: Any) -> list[str]:
 class _Rows:
     """The points of a run that a table shows, and their columns on the finest level.
 
-    shown: places of the points in the sweep;  chosen: points that have the labels asked for
+    shown: indices of the points in the sweep;  chosen: number of points that have the labels
     """
 
     def __init__(self, data: Any, most: int | None, point: Mapping[str, Value]) -> None:
@@ -245,14 +251,16 @@ class _Rows:
         if not dims:
             return []
         index = np.unravel_index(self.shown, [data.sizes[dim] for dim in dims])
-        place = dict(zip(dims, index, strict=True))
-        near = data.isel({dim: slice(int(at.max()) + 1) for dim, at in place.items()})
+        index_along = dict(zip(dims, index, strict=True))
+        # labels with the digits that tell those of the listed points apart
+        extent = {dim: slice(int(indices.max()) + 1) for dim, indices in index_along.items()}
+        listed = data.isel(extent)
         columns = []
         for axis in axis_names(data):
-            texts, unit = axis_labels(near, axis)
+            texts, unit = axis_labels(listed, axis)
             heading = headed(axis_symbol(data, axis), unit)
-            at = place[str(data[axis].dims[0])]
-            columns.append(TextColumn(heading, [texts[i] for i in at]))
+            cells = [texts[i] for i in index_along[str(data[axis].dims[0])]]
+            columns.append(TextColumn(heading, cells))
         return columns
 
     def column(self, name: str, title: str, rank: int, like: Any = None) -> TextColumn:
@@ -281,7 +289,7 @@ class _Rows:
             columns.append(column)
         return columns
 
-    def rest(self) -> list[TextColumn]:
+    def proofs_and_changes(self) -> list[TextColumn]:
         """Return the columns of what is proved, and of the change with the last level."""
         columns = []
         if "solutions" in self.fine:
@@ -309,13 +317,12 @@ class _Rows:
         return words
 
     def _change(self, name: str, title: str, rank: int) -> TextColumn:
-        """Return the column of what the last level changed in a number, in the unit of that
-        number."""
-        last = self.values(name)
-        change = np.abs(last - self.values(name, -2))
+        """Return the column of the change of a number by the last level, in its unit."""
+        values = self.values(name)
+        change = np.abs(values - self.values(name, -2))
         change = np.where(self.solved, change, np.nan)
         units = self.fine[name].attrs["units"]
-        return quantity(title, change, units, 2, rank, last[self.solved])
+        return quantity(title, change, units, 2, rank, values[self.solved])
 
     def transposed(self, labels: Sequence[TextColumn], names: Sequence[str]) -> Table:
         """Return the table of a few points with one row per number, in a unit of its own."""
@@ -342,104 +349,113 @@ SAME = 1e-9
 
 
 def solvers_compared(data: Any) -> Iterator[Part]:
-    """Solvers compared where a run kept them side by side."""
+    """Yield a table of the solvers where a run kept several side by side."""
     if "solver" not in data.dims:
         return
 
     def by_solver(name: str) -> Any:
+        """Return (solvers, P × levels) values of a number."""
         values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
-        return values.reshape(values.shape[0], -1)[:, known]
+        return values.reshape(values.shape[0], -1)
 
-    known: Any = slice(None)
-    known = np.isfinite(by_solver("energy")).any(axis=0)
-    energy, steps, time = (
-        by_solver("energy"),
-        by_solver("iterations"),
-        np.nansum(by_solver("time"), axis=1),
+    is_known = np.isfinite(by_solver("energy")).any(axis=0)
+    energy, steps, time, residual, difference = (
+        by_solver(name)[:, is_known]
+        for name in ("energy", "iterations", "time", "residual", "difference")
     )
     size = np.max(np.abs(np.nan_to_num(energy)), axis=0)
     lowest = np.count_nonzero(energy <= np.nanmin(energy, axis=0) + SAME * size, axis=1)
-    worst, apart = (np.fmax.reduce(by_solver(name), axis=1) for name in ("residual", "difference"))
+    step_sums = [f"{steps_of_one[steps_of_one > 0].sum():.0f}" for steps_of_one in steps]
     names = data["solver"].values.tolist()
-    yield f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
+    stored = f"the solutions stored are those of {names[0]}"
+    yield f"  Solvers compared on all points and levels; {stored}:"
     columns = [
         TextColumn("solver", names),
-        quantity("worst residual", worst, digits=2, rank=1),
-        TextColumn("steps", [f"{one[one > 0].sum():.0f}" for one in steps], 2),
-        quantity("solve [s]", time, digits=2, rank=3),
-        TextColumn("lowest found", [f"{n}/{energy.shape[1]}" for n in lowest], 4),
-        quantity("largest difference of u_T", apart, digits=2, rank=5),
+        quantity("worst residual", np.fmax.reduce(residual, axis=1), digits=2, rank=1),
+        TextColumn("steps", step_sums, 2),
+        quantity("solve [s]", np.nansum(time, axis=1), digits=2, rank=3),
+        TextColumn("lowest found", [f"{count}/{energy.shape[1]}" for count in lowest], 4),
+        quantity("largest difference of u_T", np.fmax.reduce(difference, axis=1), digits=2, rank=5),
     ]
     yield Table("", columns)
 
 
-def _said(data: Any) -> Iterator[str]:
-    """What failed, was not run, or holds only as far as rounding lets it; what is proved of the
-    body itself."""
-    status, total = data["status"].values, data["status"].size
-    failed = [
-        tuple(place)
-        for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))
-    ]
-    reasons = data["reason"].values if failed else {}
-    dims = [dim for dim in data["status"].dims if dim != "level"]
-    rows = list[tuple[PointStatus, str, str, int]]()
-    for place in failed:
-        where = dict(zip(data["status"].dims, place, strict=True))
-        index = [where[dim] for dim in dims]
-        sizes = [data.sizes[dim] for dim in dims]
-        point = int(np.ravel_multi_index(index, sizes)) if dims else 0
-        rows.append(
-            (PointStatus(int(status[place])), str(reasons[place]), _point(data, place), point)
-        )
+def _failures(data: Any) -> Iterator[str]:
+    """Yield the failures by kind."""
+    status, dims = data["status"].values, data["status"].dims
+    failed = np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))
+    if not len(failed):
+        return
+    reasons = data["reason"].values
+    sizes = [1 if dim == "level" else data.sizes[dim] for dim in dims]
+    rows = list[FailedSolution]()
+    for place in map(tuple, failed.tolist()):
+        index = [0 if dim == "level" else i for dim, i in zip(dims, place, strict=True)]
+        point = int(np.ravel_multi_index(index, sizes))
+        status_here = PointStatus(int(status[place]))
+        rows.append((status_here, str(reasons[place]), _point(data, place), point))
     yield from failure_lines(rows)
+
+
+def _limits(data: Any) -> Iterator[str]:
+    """Yield what was not run, or holds only as far as rounding lets it, and proofs of the body."""
+    status, total = data["status"].values, data["status"].size
+    fine = data.isel(level=-1)
     if "sensitivity_status" in data:
-        known = np.count_nonzero(data["sensitivity_status"].isel(level=-1).values == DIFFERENTIABLE)
-        of = data["status"].isel(level=-1).size
-        yield f"derivatives known at {known} of {of} points of the finest level, NaN at events and folds: sensitivity_…"
-    if len(places := np.argwhere(status == PointStatus.NOT_RUN)):
-        yield f"not run: {len(places)} of {total} places of the grid (for example {_point(data, places[0])})"
-    if len(places := np.argwhere(data["inclusion_status"].values == LIMITED)):
-        residuals, allowed = (data[f"inclusion_{name}"].values for name in ("residual", "rounding"))
-        worst = max(map(tuple, places), key=lambda place: float(residuals[place]))
+        is_known = fine["sensitivity_status"].values == DIFFERENTIABLE
+        points = f"{np.count_nonzero(is_known)} of {fine['status'].size} points"
         yield (
-            f"limited by rounding: {len(places)} of {total} solutions hold to {number(residuals[worst], 2)} of the "
-            f"scale of b or better, where rounding alone allows {number(allowed[worst], 2)}; friction is small against "
-            f"the forces in the body (worst at {_point(data, worst)})"
+            f"derivatives known at {points} of the finest level, NaN at events and folds: "
+            "sensitivity_…"
+        )
+    not_run = np.argwhere(status == PointStatus.NOT_RUN)
+    if len(not_run):
+        example = _point(data, not_run[0])
+        yield f"not run: {len(not_run)} of {total} places of the grid (for example {example})"
+    limited = np.argwhere(data["inclusion_status"].values == LIMITED)
+    if len(limited):
+        residuals = data["inclusion_residual"].values
+        allowed = data["inclusion_rounding"].values
+        worst = max(map(tuple, limited), key=lambda place: float(residuals[place]))
+        yield (
+            f"limited by rounding: {len(limited)} of {total} solutions hold to "
+            f"{number(residuals[worst], 2)} of the scale of b or better, where rounding alone "
+            f"allows {number(allowed[worst], 2)}; friction is small against the forces in the body "
+            f"(worst at {_point(data, worst)})"
         )
     if "omega" in data:
-        jumps = int(np.isinf(data["omega"].isel(level=-1).values).sum())
+        jumps = int(np.isinf(fine["omega"].values).sum())
         if jumps:
             yield (
                 f"ω = ∞ at {counted(jumps, 'point')}: the friction law jumps down, and ω < λ₁ "
                 "cannot prove a solution unique there"
             )
-    if "lambda_1_error" in data and (lost := digits_lost(float(data["lambda_1_error"].max()))):
-        yield lost
+    if "lambda_1_error" in data:
+        yield from filter(None, [digits_lost(float(data["lambda_1_error"].max()))])
     if "lambda_1_low" in data:
-        fine = data.isel(level=-1)
-        low, high, dual, mesh = (
-            fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", "")
-        )
-        unique, units = (
-            fine["proved_unique"].values.ravel() == 1,
-            data["lambda_1_low"].attrs["units"],
-        )
-        yield from filter(
-            None, (sentences.of_the_body(low, high, unique, units), sentences.locks(mesh, dual))
-        )
-    if len(places := np.argwhere(data["heat_status"].values == UNBALANCED)):
-        defects = data["heat_balance"].values[tuple(places.T)]
+        yield from filter(None, _of_the_body(fine))
+    unbalanced = np.argwhere(data["heat_status"].values == UNBALANCED)
+    if len(unbalanced):
+        defects = data["heat_balance"].values[tuple(unbalanced.T)]
+        worst = unbalanced[np.argmax(defects)]
         yield (
-            f"heat balance up to {number(defects.max(), 2)} at {counted(len(places), 'point')}: as thin triangles cost "
-            "the temperature its digits, remove slits and slivers of the body or refine towards them "
-            f"(worst at {_point(data, places[np.argmax(defects)])})"
+            f"heat balance up to {number(defects.max(), 2)} at {counted(len(unbalanced), 'point')}: "
+            "as thin triangles cost the temperature its digits, remove slits and slivers of the "
+            f"body or refine towards them (worst at {_point(data, worst)})"
         )
+
+
+def _of_the_body(fine: Any) -> list[str]:
+    """Return what is proved of the body itself, and whether the mesh locks."""
+    low, high = fine["lambda_1_low"].values.ravel(), fine["lambda_1_high"].values.ravel()
+    mesh, dual = fine["lambda_1"].values.ravel(), fine["lambda_1_dual"].values.ravel()
+    is_unique = fine["proved_unique"].values.ravel() == 1
+    units = fine["lambda_1_low"].attrs["units"]
+    return [sentences.of_the_body(low, high, is_unique, units), sentences.locks(mesh, dual)]
 
 
 def _point(data: Any, place: Any) -> str:
-    """The labels of a point and its level in words; place: index along every dimension of the
-    status."""
+    """Return the labels of a point and its level in words; place: index along the status."""
     where = dict(zip(data["status"].dims, (int(i) for i in place), strict=True))
     level = f"level {int(data['level'].values[where.pop('level')])}"
     name = describe(data, where)
@@ -454,5 +470,5 @@ KINDS = {
     "history": (paths.history_verdict, paths.history_parts),
     "fit": (fit.verdict, fit.parts),
 }
-"""What says the sentence and the parts of a file of each kind, from its root dataset (the sentence
-of a run: file)."""
+"""Functions that return the verdict and the parts of a file of each kind, from its root dataset;
+the verdict of a run is made from the open file."""
