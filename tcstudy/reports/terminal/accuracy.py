@@ -1,5 +1,4 @@
-"""What the files of convergence and of accuracy against cost say: errors with rates and orders,
-errors against time."""
+"""Reports on convergence and on accuracy against cost: errors with rates and orders, with times."""
 
 from __future__ import annotations
 
@@ -35,7 +34,6 @@ from tcstudy.reports.text import (
 )
 
 # -- convergence
-# -------------------------------------------------------------------------------------------------------
 
 GROUPS = {
     "θ": "temperature",
@@ -43,13 +41,14 @@ GROUPS = {
     "u_T": "tangential displacement on Γ_C",
     "ξ": "friction traction on Γ_C",
 }
-"""What errors are of, by which they share a panel of the plot: their symbol up to the norm."""
+"""Quantities whose errors share a panel of the plot, by the symbol of the error up to the norm."""
 SYMBOLS = {measure.name: measure.symbol for measure in (*ERRORS, *MEASURES)}
 LEGEND = (
-    "rate: from the level before. order: least-squares slope ± standard error over the levels named; of two levels it "
-    f"is a guess ({sentences.GUESS}). PRE-ASYMPTOTIC: rates of the finest levels differ by more than 0.2. Values in "
-    "(parentheses) did not converge and enter no fit. Errors are relative to the norm of the reference; H¹ is the "
-    "seminorm; ξ is compared in L²(Γ_C) as a step function, and at the contact nodes."
+    "rate: from the level before. order: least-squares slope ± standard error over the levels "
+    f"named; of two levels it is a guess ({sentences.GUESS}). PRE-ASYMPTOTIC: rates of the finest "
+    "levels differ by more than 0.2. Values in (parentheses) did not converge and enter no fit. "
+    "Errors are relative to the norm of the reference; H¹ is the seminorm; ξ is compared in "
+    "L²(Γ_C) as a step function, and at the contact nodes."
 )
 UNCERTAINTY = (
     "h → 0: limit ± uncertainty, which held 95 % or more of the limits of random scenes that are "
@@ -59,16 +58,16 @@ UNCERTAINTY = (
 MARKS = {"slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
 """What stands behind an order that is not as expected."""
 OVERVIEW = (
-    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
-    f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
-    "Tables of a point: --at NAME=VALUE; of all: -v."
+    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled "
+    f"(pre-asymptotic), exact: all errors are rounding, {sentences.GUESS}: a guess from two levels, "
+    "(order): some level was not solved. Tables of a point: --at NAME=VALUE; of all: -v."
 )
-STEADY = 1e-12
-"""Relative uncertainty that is rounding and not worth a word."""
+MAX_ROUNDING = 1e-12
+"""Relative uncertainty up to which it is rounding and not shown."""
 
 
 TEMPERATURE = "θ"
-"""Begins the symbols of errors of the temperature, which are no mechanical ones."""
+"""First letter of the symbols of errors of the temperature."""
 
 
 def convergence_lines(data: Any) -> list[tuple[str, str]]:
@@ -142,17 +141,17 @@ def _limit_words(data: Any) -> list[str]:
             continue
         limit = by_point(data[f"limit_{measure.name}"], data)
         uncertainty = by_point(data[f"uncertainty_{measure.name}"], data)
-        known = np.isfinite(limit)
-        if not known.any():
+        is_finite = np.isfinite(limit)
+        if not is_finite.any():
             continue
         if len(limit) == 1:
             divisor, unit = prefix(limit, str(data[f"limit_{measure.name}"].attrs["units"]))
             value = _uncertain(limit[0] / divisor, uncertainty[0] / divisor)
             limits.append(f"{measure.symbol} → {value} {pretty(unit)}".rstrip())
             continue
-        scale = float(np.abs(limit[known]).max())
+        scale = float(np.abs(limit[is_finite]).max())
         if scale > 0.0:
-            share = percent(float(uncertainty[known].max()) / scale)
+            share = percent(float(uncertainty[is_finite].max()) / scale)
             limits.append(f"{share} ({measure.symbol})")
     if data["status"].size == data.sizes["level"]:
         return limits
@@ -178,8 +177,7 @@ def _solved_words(data: Any) -> tuple[str, list[str]]:
 
 
 def convergence_verdict(data: Any) -> Verdict:
-    """Return the labelled lines; complete where every level is solved and no order is slower than
-    expected."""
+    """Return the verdict: complete where every level is solved and no order is too slow."""
     solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
     slower = any(word == "slower" for _, word in _verdicts(data))
     return Verdict.of_lines(convergence_lines(data), complete=solved and not slower)
@@ -188,8 +186,9 @@ def convergence_verdict(data: Any) -> Verdict:
 def convergence_parts(
     data: Any, full: bool = True, point: Mapping[str, Value] | None = None
 ) -> Iterator[Part]:
-    """Everything the report says, in order; not `full`, of a sweep the orders alone. Raises
-    DrawError if there is no such point.
+    """Yield all parts of the report; of a sweep that is not `full` the orders alone.
+
+    Raises DrawError if there is no such point.
     """
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield _levels(data)
@@ -207,33 +206,34 @@ def convergence_parts(
 
 
 def notes(data: Any) -> list[str]:
-    """What the file notes of how it was measured."""
+    """Return the notes of the file on how it was measured."""
     return [f"Note: {note}" for note in str(data.attrs["notes"]).split("\n") if note]
 
 
-def tables(at: Any) -> Iterator[Table]:
-    """The tables of a sweep point."""
-    if shown(at):
-        yield _errors(at)
-    if measures := [
-        m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()
-    ]:
-        yield _numbers(at, measures)
+def tables(point: Any) -> Iterator[Table]:
+    """Yield the tables of a sweep point."""
+    if shown(point):
+        yield _errors(point)
+    measures = [measure for measure in NUMBERS if _has(point, f"value_{measure.name}")]
+    if measures:
+        yield _numbers(point, measures)
 
 
-def shown(at: Any) -> list[Measure]:
-    """The errors that there are on some level."""
-    return [
-        m for m in ERRORS if f"error_{m.name}" in at and np.isfinite(at[f"error_{m.name}"]).any()
-    ]
+def shown(point: Any) -> list[Measure]:
+    """Return the errors that are known on some level."""
+    return [measure for measure in ERRORS if _has(point, f"error_{measure.name}")]
+
+
+def _has(data: Any, name: str) -> bool:
+    """Return whether a file has a finite value of a variable."""
+    return name in data and bool(np.isfinite(data[name]).any())
 
 
 def _levels(data: Any) -> Table:
-    """The levels; of a sweep over geometries those of each, beside what makes it."""
+    """Return the levels; of a sweep over geometries those of each, with its parameters."""
     dims = list(data["h_max"].dims)
-    columns = [
-        np.nan_to_num(data[name].values, nan=-1.0) for name in ("h_max", "n_dof", "n_contact")
-    ]
+    names = ("h_max", "n_dof", "n_contact")
+    columns = [np.nan_to_num(data[name].values, nan=-1.0) for name in names]
     sizes = np.stack(columns, axis=-1).astype(float)
     for dim in [dim for dim in dims if dim != "level"]:
         axis = dims.index(dim)
@@ -242,134 +242,143 @@ def _levels(data: Any) -> Table:
             dims.remove(dim)
             sizes = first
     divisor, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
-    names = [name for name in axis_names(data) if data[name].dims[0] in dims]
-    labels = {name: axis_labels(data, name) for name in names}
-    rows = []
+    axes = [name for name in axis_names(data) if data[name].dims[0] in dims]
+    labels = {name: axis_labels(data, name) for name in axes}
+    rows = list[list[str]]()
     for place in np.ndindex(sizes.shape[:-1]):
         where = dict(zip(dims, place, strict=True))
         h, dofs, contact = sizes[place]
         if h > 0.0:
-            own = [texts[where[data[name].dims[0]]] for name, (texts, _) in labels.items()]
-            size = number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}"
-            rows.append((*own, str(place[-1]), *size))
-    header = [
-        *(headed(name, unit) for name, (_, unit) in labels.items()),
-        "level",
-        headed("h_max", unit),
-    ]
-    return Table.of_rows("Meshes", [*header, "dofs", "contact unknowns"], rows)
+            row = [texts[where[data[name].dims[0]]] for name, (texts, _) in labels.items()]
+            row += [str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}"]
+            rows.append(row)
+    header = [headed(name, axis_unit) for name, (_, axis_unit) in labels.items()]
+    header += ["level", headed("h_max", unit), "dofs", "contact unknowns"]
+    return Table.of_rows("Meshes", header, rows)
 
 
 def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
-    """The orders of all points in one table, below the order expected of each error."""
-    if not shown(data):
+    """Yield the orders of all points in one table, below the order expected of each error."""
+    measures = shown(data)
+    if not measures:
         yield "There is no reference, and so no errors. Limits h → 0 of every point: -v."
         return
-    columns = []
-    for i, name in enumerate(axis_names(data)):
+    columns = list[TextColumn]()
+    for name in axis_names(data):
         texts, unit = axis_labels(data, name)
-        own = [texts[where[str(data[name].dims[0])]] for where in points]
-        columns.append(TextColumn(headed(name, unit), ["" if i else "expected", *own]))
-    for rank, m in enumerate(shown(data)):
-        span = np.unique(np.round(data[f"expected_{m.name}"].values, 2))
-        span = span[np.isfinite(span)]  # a point without a mesh has none
-        cells = ["…".join(dict.fromkeys(map(_fixed, span[[0, -1]]))) if len(span) else "–"]
-        for at in map(data.isel, points):
-            verdict, slope = (
-                VERDICTS[int(at[f"verdict_{m.name}"])],
-                _fixed(float(at[f"slope_{m.name}"])),
-            )
-            text = verdict if verdict == "exact" else slope + MARKS.get(verdict, "")
-            cells.append(text if np.all(at["status"].values == PointStatus.OK) else f"({text})")
-        columns.append(TextColumn(m.symbol, cells, rank))
+        labels = [texts[where[str(data[name].dims[0])]] for where in points]
+        first = "" if columns else "expected"
+        columns.append(TextColumn(headed(name, unit), [first, *labels]))
+    for rank, measure in enumerate(measures):
+        cells = [_expected_orders(data, measure)]
+        cells += [_fitted_order(data.isel(where), measure) for where in points]
+        columns.append(TextColumn(measure.symbol, cells, rank))
     yield Table("Orders of convergence", columns)
     yield OVERVIEW
 
 
-def _errors(at: Any) -> Table:
-    """A row for each error: its values by level with their rates, and the fitted beside the
-    expected order."""
-    levels = np.flatnonzero(at["compared"].values)
-    ok = at["status"].values == int(PointStatus.OK)
-    rows = []
-    for m in shown(at):
-        error, slope, expected = (
-            at[f"{part}_{m.name}"].values for part in ("error", "slope", "expected")
-        )
-        row = [m.symbol]
-        for i in levels:
-            text = f"{error[i]:.3e}" if np.isfinite(error[i]) else "–"
-            row += [text if ok[i] else f"({text})", _fixed(at[f"rate_{m.name}"].values[i])]
-        fitted = f"{int(at[f'first_level_{m.name}'])}–{np.flatnonzero(np.isfinite(error))[-1]}"
-        row += [
-            sentences.order(slope, float(at[f"slope_error_{m.name}"]), 3),
-            fitted if np.isfinite(slope) else "–",
-        ]
-        verdict = VERDICTS[int(at[f"verdict_{m.name}"])]
-        word = sentences.VERDICTS[verdict]
-        loud = word.upper() if verdict in ("slower", "pre_asymptotic") else word
-        rows.append((*row, _fixed(expected), loud, str(at[f"reason_{m.name}"].item())))
-        for beside in (one for one in BY_ITSELF if one.split("_", 1)[1] == m.name and one in at):
-            values = (
-                f"{value:.3e}" if np.isfinite(value) else "–" for value in at[beside].values[levels]
-            )
-            rows.append(
-                (
-                    f"  {beside.split('_')[0]}",
-                    *(cell for text in values for cell in (text, "–")),
-                    *("–",) * 5,
-                )
-            )
-    header, ranks, k = ["error"], [0], len(levels)
-    for left, level in zip(range(k, 0, -1), levels, strict=True):  # coarse ones go first
+def _expected_orders(data: Any, measure: Measure) -> str:
+    """Return the range of the orders expected at all points."""
+    orders = np.unique(np.round(data[f"expected_{measure.name}"].values, 2))
+    orders = orders[np.isfinite(orders)]  # a point without a mesh has none
+    if not len(orders):
+        return "–"
+    return "…".join(dict.fromkeys(map(_fixed, orders[[0, -1]])))
+
+
+def _fitted_order(point: Any, measure: Measure) -> str:
+    """Return the order at a point with the mark of its verdict."""
+    verdict = VERDICTS[int(point[f"verdict_{measure.name}"])]
+    slope = _fixed(float(point[f"slope_{measure.name}"]))
+    text = verdict if verdict == "exact" else slope + MARKS.get(verdict, "")
+    is_solved = np.all(point["status"].values == PointStatus.OK)
+    return text if is_solved else f"({text})"
+
+
+def _errors(point: Any) -> Table:
+    """Return a row for each error: its values by level with rates, fitted and expected order."""
+    levels = np.flatnonzero(point["compared"].values)
+    rows = list[list[str]]()
+    for measure in shown(point):
+        rows.append(_error_row(point, measure, levels))
+        for name in BY_ITSELF:
+            part, _, measure_name = name.partition("_")
+            if measure_name == measure.name and name in point:
+                cells = list[str]()
+                for value in point[name].values[levels]:
+                    cells += [f"{value:.3e}" if np.isfinite(value) else "–", "–"]
+                rows.append([f"  {part}", *cells, *["–"] * 5])
+    header, ranks = ["error"], [0]
+    for remaining, level in zip(range(len(levels), 0, -1), levels, strict=True):
         header += [f"level {level}", "rate"]
-        ranks += [2 * left + 4, 2 * left + 3] if left > 2 else [0, 3]
-    table = Table.of_rows(
-        f"Relative errors; reference: {str(at.attrs['reference']).split(' (')[0]}",
-        [*header, "order", "levels", "expected", "verdict", "reason of the expected order"],
-        rows,
-        [*ranks, 0, 98, 2, 1, 99],
-    )
-    return replace(
-        table, columns=[one for one in table.columns if {*one.cells} != {"–"}]
-    )  # no rate on the first
+        # coarse levels are hidden first, the two finest never
+        ranks += [2 * remaining + 4, 2 * remaining + 3] if remaining > 2 else [0, 3]
+    header += ["order", "levels", "expected", "verdict", "reason of the expected order"]
+    ranks += [0, 98, 2, 1, 99]
+    reference = str(point.attrs["reference"]).split(" (")[0]
+    table = Table.of_rows(f"Relative errors; reference: {reference}", header, rows, ranks)
+    # there is no rate on the first level
+    columns = [column for column in table.columns if set(column.cells) != {"–"}]
+    return replace(table, columns=columns)
 
 
-def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
-    """A row for each result: by level, extrapolated to h = 0."""
-    ok = at["status"].values == int(PointStatus.OK)
-    rows, levels = [], len(ok)
-    for m in measures:
-        divisor, unit = prefix(at[f"value_{m.name}"].values, at[f"value_{m.name}"].attrs["units"])
-        values = [number(value / divisor, 7) for value in at[f"value_{m.name}"].values]
-        values = [value if good else f"({value})" for value, good in zip(values, ok, strict=True)]
-        limit, unsure, known = (
-            float(at[f"{p}_{m.name}"]) / divisor for p in ("limit", "uncertainty", "exact")
-        )
-        ends = [
-            _uncertain(limit, unsure),
-            _fixed(float(at[f"limit_order_{m.name}"])),
-            number(known, 7),
-        ]
-        rows.append((headed(m.symbol, unit), *values, *ends))
-    header = ("result", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
-    ranks = (0, *(levels - i if i < levels - 1 else 0 for i in range(levels)), 0, 1, 0)
+def _error_row(point: Any, measure: Measure, levels: Any) -> list[str]:
+    """Return the row of one error."""
+    error, rate = point[f"error_{measure.name}"].values, point[f"rate_{measure.name}"].values
+    is_solved = point["status"].values == int(PointStatus.OK)
+    row = [measure.symbol]
+    for level in levels:
+        text = f"{error[level]:.3e}" if np.isfinite(error[level]) else "–"
+        row += [text if is_solved[level] else f"({text})", _fixed(rate[level])]
+    slope = point[f"slope_{measure.name}"].values
+    row.append(sentences.order(slope, float(point[f"slope_error_{measure.name}"]), 3))
+    finest = np.flatnonzero(np.isfinite(error))[-1]
+    fitted_levels = f"{int(point[f'first_level_{measure.name}'])}–{finest}"
+    row.append(fitted_levels if np.isfinite(slope) else "–")
+    row.append(_fixed(point[f"expected_{measure.name}"].values))
+    verdict = VERDICTS[int(point[f"verdict_{measure.name}"])]
+    word = sentences.VERDICTS[verdict]
+    row.append(word.upper() if verdict in ("slower", "pre_asymptotic") else word)
+    row.append(str(point[f"reason_{measure.name}"].item()))
+    return row
+
+
+def _numbers(point: Any, measures: Sequence[Measure]) -> Table:
+    """Return a row for each result: by level, extrapolated to h = 0."""
+    is_solved = point["status"].values == int(PointStatus.OK)
+    levels = len(is_solved)
+    rows = list[list[str]]()
+    for measure in measures:
+        values = point[f"value_{measure.name}"]
+        divisor, unit = prefix(values.values, values.attrs["units"])
+        row = [headed(measure.symbol, unit)]
+        for value, solved in zip(values.values, is_solved, strict=True):
+            text = number(value / divisor, 7)
+            row.append(text if solved else f"({text})")
+        limit = float(point[f"limit_{measure.name}"]) / divisor
+        uncertainty = float(point[f"uncertainty_{measure.name}"]) / divisor
+        row.append(_uncertain(limit, uncertainty))
+        row.append(_fixed(float(point[f"limit_order_{measure.name}"])))
+        row.append(number(float(point[f"exact_{measure.name}"]) / divisor, 7))
+        rows.append(row)
+    header = ["result", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact"]
+    ranks = [0, *(levels - i for i in range(levels - 1)), 0, 0, 1, 0]  # never the finest level
     table = Table.of_rows("Results, extrapolated to h = 0", header, rows, ranks, UNCERTAINTY)
-    return (
-        table if {*table.columns[-1].cells} != {"–"} else replace(table, columns=table.columns[:-1])
-    )
+    has_exact = set(table.columns[-1].cells) != {"–"}
+    return table if has_exact else replace(table, columns=table.columns[:-1])
 
 
 def _uncertain(value: float, uncertainty: float) -> str:
-    """A value with as many digits as its uncertainty lets stand."""
+    """Return a value with as many digits as its uncertainty allows."""
     if not np.isfinite(value):
         return "–"
-    if not uncertainty > STEADY * abs(value):
+    if not uncertainty > MAX_ROUNDING * abs(value):
         return number(value, 7)
-    if abs(value) <= STEADY * uncertainty:  # rounding of zero
+    if abs(value) <= MAX_ROUNDING * uncertainty:  # rounding of zero
         return f"0 ± {uncertainty:.2g}"
-    first, last = np.floor(np.log10([max(abs(value), uncertainty), uncertainty])).astype(int)
-    return f"{value:#.{min(first - last + 2, 10)}g}".rstrip(".") + f" ± {uncertainty:.2g}"
+    powers = np.floor(np.log10([max(abs(value), uncertainty), uncertainty])).astype(int)
+    digits = min(powers[0] - powers[1] + 2, 10)
+    return f"{value:#.{digits}g}".rstrip(".") + f" ± {uncertainty:.2g}"
 
 
 def _fixed(value: float) -> str:
@@ -377,22 +386,23 @@ def _fixed(value: float) -> str:
 
 
 # -- accuracy against cost
-# ---------------------------------------------------------------------------------------------
 
 DEFAULT = "u_energy"
 EXACT = 1e-10
 """Relative error that is rounding: a solution in the P1 space of every mesh has no other."""
 
 
-def measure_of(data: Any, wanted: str | None) -> str:
-    """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does
-    not have it."""
-    held = [m.name for m in MEASURES if f"error_{m.name}" in data]
-    if not held:
+def measure_of(data: Any, requested: str | None) -> str:
+    """Return the error to report: the requested one, or that of u in energy.
+
+    Raises DrawError if the file does not have it.
+    """
+    names = [measure.name for measure in MEASURES if f"error_{measure.name}" in data]
+    if not names:
         raise DrawError("the file has no errors: nothing was there to compare with")
-    name = wanted or (DEFAULT if DEFAULT in held else held[0])
-    if name not in held:
-        raise DrawError(f"there is no error {name!r} in the file; it has {', '.join(held)}")
+    name = requested or (DEFAULT if DEFAULT in names else names[0])
+    if name not in names:
+        raise DrawError(f"there is no error {name!r} in the file; it has {', '.join(names)}")
     return name
 
 
@@ -400,10 +410,13 @@ def measure_of(data: Any, wanted: str | None) -> str:
 class Setting:
     """A family of meshes, a level and a solver that were measured.
 
-    error: relative;  time, upper: least wall time of all runs and their upper quartile [s]
-    solved: whether it passed its acceptance test;  own: whether it is the study's own
-    families: all that have this very mesh, whose runs are taken together;  first: it stands for them
-    dominated: whether another setting is as fast and as accurate, and better in one of the two
+    error:       relative
+    time, upper: least wall time of all runs and their upper quartile [s]
+    solved:      it passed its acceptance test
+    own:         it is that of the study
+    families:    all that have this very mesh, whose runs are taken together
+    first:       it stands for them
+    dominated:   another setting is as fast and as accurate, and better in one of the two
     """
 
     family: str
@@ -424,8 +437,7 @@ class Setting:
 
 
 def settings(data: Any, measure: str) -> list[Setting]:
-    """Return all settings that were measured, family by family and solver by solver, coarse to
-    fine."""
+    """Return all measured settings by family and by solver, from coarse to fine."""
     dims = ("family", "solver", "level")
     runs = data["time"].transpose(*dims, "run").values
     measured = list[Setting]()
@@ -454,180 +466,171 @@ def settings(data: Any, measure: str) -> list[Setting]:
                 families=families,
             )
     time = np.array([setting.time if setting.solved else np.nan for setting in measured])
-    beaten = dominated(time, errors)
-    return [
-        replace(setting, dominated=bool(b)) for setting, b in zip(measured, beaten, strict=True)
-    ]
+    flags = dominated(time, errors).tolist()
+    return [replace(setting, dominated=flag) for setting, flag in zip(measured, flags, strict=True)]
 
 
 def _setting(data: Any, measure: str, where: Mapping[str, int]) -> Setting:
-    """Return what a file has of a setting by its index along family, solver and level."""
+    """Return a setting by its index along family, solver and level, without its times."""
 
-    def at(name: str) -> Any:
+    def value(name: str) -> Any:
         variable = data[name]
         return variable.isel({dim: i for dim, i in where.items() if dim in variable.dims}).item()
 
-    family, solver, level = at("family"), at("solver"), at("level")
-    own = tuple(data.attrs[f"own_{part}"] for part in ("family", "solver", "level"))
-    status = at("status")
+    family, solver, level = value("family"), value("solver"), value("level")
+    setting_of_study = tuple(data.attrs[f"own_{part}"] for part in ("family", "solver", "level"))
+    status = value("status")
     return Setting(
         family=family,
         solver=solver,
         level=level,
         status=status,
-        n_dof=at("n_dof"),
-        n_contact=at("n_contact"),
-        h_max=at("h_max"),
-        error=at(f"error_{measure}"),
+        n_dof=value("n_dof"),
+        n_contact=value("n_contact"),
+        h_max=value("h_max"),
+        error=value(f"error_{measure}"),
         solved=status == PointStatus.OK,
-        own=(family, solver, level) == own,
+        own=(family, solver, level) == setting_of_study,
     )
 
 
 def words(setting: Setting) -> str:
-    """A setting in words; "study" is its own family of meshes."""
+    """Return a setting in words; "study" is the study's family of meshes."""
     family = "the study's meshes" if setting.family == "study" else setting.family
     return f"{family}, level {setting.level}, {setting.solver}"
 
 
-def front(found: Sequence[Setting]) -> list[Setting]:
-    """Settings that no other beats in both, from fast to accurate, each mesh once."""
-    return sorted((s for s in found if s.first and not s.dominated), key=lambda s: s.time)
+def front(settings: Sequence[Setting]) -> list[Setting]:
+    """Return the settings of the Pareto front, from fast to accurate, each mesh once."""
+    nondominated = [setting for setting in settings if setting.first and not setting.dominated]
+    return sorted(nondominated, key=lambda setting: setting.time)
 
 
-def clearly_faster(one: Setting, other: Setting) -> bool:
-    """Return whether a setting is faster beyond noise: the upper quartile of its times lies below
-    every time of the other one."""
-    return bool(one.upper < other.time)
+def clearly_faster(setting: Setting, rival: Setting) -> bool:
+    """Return whether a setting is faster beyond noise.
+
+    The upper quartile of its times lies below every time of the rival.
+    """
+    return bool(setting.upper < rival.time)
 
 
-def advice(found: Sequence[Setting]) -> list[str]:
-    """Sentences: the study's own setting, what is better, and which meshes suit which error."""
-    measured = [s for s in found if s.first and s.solved and np.isfinite(s.error)]
+def advice(settings: Sequence[Setting]) -> list[str]:
+    """Return sentences on the study's setting, better ones, and meshes by error."""
+    measured = [s for s in settings if s.first and s.solved and np.isfinite(s.error)]
     if not measured:
         return ["no setting was solved"]
-    largest_error = max(s.error for s in measured)
+    largest_error = max(setting.error for setting in measured)
     if largest_error <= EXACT:
-        least = min(measured, key=lambda s: s.time)
+        least = min(measured, key=lambda setting: setting.time)
+        largest = f"all errors are rounding (at most {largest_error:.1e})"
         return [
-            f"all errors are rounding (at most {largest_error:.1e}): every mesh represents this solution exactly",
+            f"{largest}: every mesh represents this solution exactly",
             f"least time measured: {words(least)} in {_seconds(least.time)}",
         ]
-    return [*_own_and_better(found, measured), *_front_words(found)]
+    return [*_own_and_better(settings, measured), *_front_words(settings)]
 
 
-def _own_and_better(found: Sequence[Setting], measured: Sequence[Setting]) -> list[str]:
-    """Return the study's own setting, and those that are more accurate in less time, or in a time
-    that the runs do not tell apart."""
-    own = next((s for s in found if s.own), None)
-    if own is None:
+def _own_and_better(settings: Sequence[Setting], measured: Sequence[Setting]) -> list[str]:
+    """Return the study's setting, and more accurate ones that are faster or not clearly slower."""
+    current = next((setting for setting in settings if setting.own), None)
+    if current is None:
         return []
-    if not (own.solved and np.isfinite(own.error)):
-        return [f"the study's own setting ({words(own)}) was not solved"]
-    answer = [
-        f"the study's mesh: error {percent(own.error)} in {_seconds(own.time)} ({words(own)})"
-    ]
-    better = [s for s in measured if s.error < own.error * (1.0 - TIED)]
-    faster = [s for s in better if clearly_faster(s, own)]
+    if not (current.solved and np.isfinite(current.error)):
+        return [f"the study's own setting ({words(current)}) was not solved"]
+    error, time = percent(current.error), _seconds(current.time)
+    answer = [f"the study's mesh: error {error} in {time} ({words(current)})"]
+    better = [setting for setting in measured if setting.error < current.error * (1.0 - TIED)]
+    faster = [setting for setting in better if clearly_faster(setting, current)]
     if faster:
-        quickest = min(faster, key=lambda s: s.time)
-        most_accurate = min(faster, key=lambda s: s.error)
-        for s in dict.fromkeys((quickest, most_accurate)):
-            answer.append(f"faster and more accurate: {_setting_words(s, own)}")
+        quickest = min(faster, key=lambda setting: setting.time)
+        most_accurate = min(faster, key=lambda setting: setting.error)
+        for setting in dict.fromkeys((quickest, most_accurate)):
+            answer.append(f"faster and more accurate: {_setting_words(setting, current)}")
         return answer
-    alike = [s for s in better if not clearly_faster(own, s)]
+    alike = [setting for setting in better if not clearly_faster(current, setting)]
     if alike:
-        best = min(alike, key=lambda s: s.error)
-        return [*answer, f"more accurate, no clear difference in time: {_setting_words(best, own)}"]
+        best = _setting_words(min(alike, key=lambda setting: setting.error), current)
+        return [*answer, f"more accurate, no clear difference in time: {best}"]
     return [*answer, "no other setting measured is both faster and more accurate"]
 
 
-def _setting_words(setting: Setting, own: Setting) -> str:
+def _setting_words(setting: Setting, current: Setting) -> str:
     """Return a setting with its error and its time; the solver only where it is another one."""
-    mesh = words(setting).removesuffix(f", {own.solver}")
+    mesh = words(setting).removesuffix(f", {current.solver}")
     return f"{mesh}: {percent(setting.error)} in {_seconds(setting.time)}"
 
 
-def _front_words(found: Sequence[Setting]) -> list[str]:
+def _front_words(settings: Sequence[Setting]) -> list[str]:
     """Return which meshes and solvers are on the Pareto front at which errors.
 
     A mesh that several families share counts with the family beside it on the front.
     """
-    spans = list[tuple[set[str], list[Any]]]()
-    for s in front(found):
-        families = set(s.families)
-        joined = spans[-1][0] & families if spans and spans[-1][1][-1].solver == s.solver else set()
-        if joined:
-            spans[-1] = joined, [*spans[-1][1], s]
-        else:
-            spans.append((families, [s]))
+    spans = list[tuple[set[str], list[Setting]]]()
+    for setting in front(settings):
+        families = set(setting.families)
+        if spans:
+            families_before, points = spans[-1]
+            shared = families_before & families
+            if shared and points[-1].solver == setting.solver:
+                spans[-1] = shared, [*points, setting]
+                continue
+        spans.append((families, [setting]))
     solvers = {points[0].solver for _, points in spans}
     texts = list[str]()
     for families, points in spans:
-        family = next(s.family for s in found if s.family in families)
+        family = next(setting.family for setting in settings if setting.family in families)
         meshes = "the study's meshes" if family == OWN else family
         solver = f" with {points[0].solver}" if len(solvers) > 1 else ""
-        errors = [percent(s.error).removesuffix(" %") for s in points]
-        ends = dict.fromkeys((errors[0], errors[-1]))
-        texts.append(f"{' to '.join(ends)} %: {meshes}{solver}")
+        ends = [percent(points[i].error).removesuffix(" %") for i in (0, -1)]
+        texts.append(f"{' to '.join(dict.fromkeys(ends))} %: {meshes}{solver}")
     return [f"least time for errors of {'; '.join(texts)}"] if texts else []
 
 
 def cost_lines(data: Any, measure: str) -> list[tuple[str, str]]:
     """Return labelled lines: the advice, the scene, the reference, and what was solved."""
-    found = settings(data, measure)
+    measured = settings(data, measure)
     point, runs = str(data.attrs["point"]), counted(data.sizes["run"], "run")
     scene = f"one scene: {point}; {runs} each" if point else f"one scene; {runs} each"
     reference = str(data.attrs["reference"]).removeprefix("the ")
-    solved = sum(s.solved for s in found)
-    lines = [("Answer", text) for text in advice(found)]
+    solved = sum(setting.solved for setting in measured)
+    lines = [("Answer", text) for text in advice(measured)]
     lines += [("Trust", scene), ("Accuracy", f"reference: {reference}")]
-    return [*lines, ("Solved", f"{solved} of {counted(len(found), 'setting')}")]
+    return [*lines, ("Solved", f"{solved} of {counted(len(measured), 'setting')}")]
 
 
 def _seconds(time: float) -> str:
-    """A wall time, "0.16 s"."""
+    """Return a wall time, "0.16 s"."""
     return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
 
 
 def cost_verdict(data: Any) -> Verdict:
-    """Return the labelled lines of the error that is reported unless another one is named."""
-    if not any(f"error_{m.name}" in data for m in MEASURES):
+    """Return the verdict by the error that is reported unless another one is named."""
+    if not any(f"error_{measure.name}" in data for measure in MEASURES):
         return Verdict(answer=("nothing was measured",))
     return Verdict.of_lines(cost_lines(data, measure_of(data, None)))
 
 
 def cost_parts(data: Any, *_: Any) -> Iterator[Part]:
-    """Everything the report says, in order. Raises DrawError where there is no error."""
+    """Yield all parts of the report. Raises DrawError where there is no error."""
     yield from cost_of(data, measure_of(data, None))
 
 
 def cost_of(data: Any, measure: str) -> Iterator[Part]:
-    """The same of one of the errors."""
-    found = settings(data, measure)
+    """Yield all parts of the report on one of the errors."""
+    measured = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     yield labelled(cost_lines(data, measure))
     yield (
-        f"Errors of {SYMBOLS[measure]}. Wall time from the body to the displacements, each run from "
-        "nothing: least of all runs, upper quartile. Equal meshes are one setting with the runs of all."
+        f"Errors of {SYMBOLS[measure]}. Wall time from the body to the displacements, each run "
+        "from nothing: least of all runs, upper quartile. Equal meshes are one setting with the "
+        "runs of all."
     )
-    rows, solvers = [], data["solver"].values.tolist()
-    meshes = dict.fromkeys((s.family, s.level) for s in found if s.first)
-    for family, level in meshes:
-        by_solver = {s.solver: s for s in found if (s.family, s.level) == (family, level)}
-        one = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
-        error = f"{one.error:.3e}" if np.isfinite(one.error) else "–"
-        row = [
-            ", ".join(one.families),
-            str(level),
-            str(one.n_dof),
-            str(one.n_contact),
-            error if one.solved else f"({error})",
-        ]
-        for s in map(by_solver.get, solvers):
-            mark = "" if s is None else "†" * s.own + "*" * (not s.dominated)
-            row += ["–", "–"] if s is None else [f"{s.time:.3g}{mark}", f"{s.upper:.3g}"]
-        rows.append(row)
+    solvers = data["solver"].values.tolist()
+    meshes = dict.fromkeys((s.family, s.level) for s in measured if s.first)
+    rows = list[list[str]]()
+    for mesh in meshes:
+        by_solver = {s.solver: s for s in measured if (s.family, s.level) == mesh}
+        rows.append(_cost_row(by_solver, solvers))
     header = ["meshes", "level", "dofs", "contact unknowns", f"error of {SYMBOLS[measure]}"]
     ranks = [0, 0, 1, 4, 0]
     for place, solver in enumerate(solvers):
@@ -636,3 +639,19 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
     marks = "* on the front   † the study's own settings   (error) not solved"
     yield Table.of_rows("All that was measured", header, rows, ranks, marks)
     yield from notes(data)
+
+
+def _cost_row(by_solver: Mapping[str, Setting], solvers: Sequence[str]) -> list[str]:
+    """Return the row of one mesh: its sizes, its error, and the times of each solver."""
+    mesh = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
+    error = f"{mesh.error:.3e}" if np.isfinite(mesh.error) else "–"
+    row = [", ".join(mesh.families), str(mesh.level), str(mesh.n_dof), str(mesh.n_contact)]
+    row.append(error if mesh.solved else f"({error})")
+    for solver in solvers:
+        if solver not in by_solver:
+            row += ["–", "–"]
+            continue
+        setting = by_solver[solver]
+        marks = ("†" if setting.own else "") + ("" if setting.dominated else "*")
+        row += [f"{setting.time:.3g}{marks}", f"{setting.upper:.3g}"]
+    return row
