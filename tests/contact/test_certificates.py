@@ -297,3 +297,30 @@ def test_a_body_stiffer_by_less_than_the_margin_is_not_proved_convex() -> None:
         stiffness = np.array([[5.0 * (1.0 + share * MARGIN)]])
         problem = ContactProblem(stiffness, np.zeros(1), np.ones(1), cases.slip_weakening())
         assert certify(problem, np.zeros(1)).convex == is_convex
+
+
+@pytest.mark.parametrize("error", [0.0, 0.1])
+def test_proofs_hold_for_a_body_softer_by_its_error_and_the_margin(error: float) -> None:
+    """Ã + C (slope − μ)/(1 − error) ≻ 0 to eight digits, μ = MARGIN λ₁; a sliding node likewise."""
+    c = np.array([1.0, 2.0])
+    problem = ContactProblem(TWO_NODES, np.zeros(2), c, tresca(0.5), A_error=error)
+    body = CondensedBody.of(TWO_NODES, c, error)
+    lambda_1, share = problem.lambda_1, 1.0 - error - MARGIN
+    for ratio, is_proved in ((1.0 - 1e-8, True), (1.0 + 1e-8, False)):
+        slope = np.full(2, -ratio * share * lambda_1)
+        assert positive_definite(problem, slope, lambda_1) == is_proved
+        assert definite(body, slope[None]).tolist() == [is_proved]
+        stiffness = 5.0 / (ratio * share)
+        load = np.array([0.05 * stiffness + 0.75])
+        sliding = ContactProblem(
+            np.array([[stiffness]]), load, np.ones(1), cases.slip_weakening(), A_error=error
+        )
+        assert strict_minimum(sliding.rows, np.array([[0.05]])).tolist() == [is_proved]
+
+
+def test_slack_below_rounding_does_not_hold_a_node() -> None:
+    """A traction just below 20 MPa, from which b softens faster than Ã rises."""
+    film = cases.slip_weakening(2e7, 1e7, 0.1)
+    for missing, holds in ((1e-14, False), (1e-10, True)):
+        rows = one_node(film, 2e7 * (1.0 - missing)).rows
+        assert strict_minimum(rows, np.zeros((1, 1))).tolist() == [holds]
