@@ -1,15 +1,15 @@
-"""What a study says and its author may not have meant, and what would stop a run before any work.
+"""Warn of what a study's author may not have meant, and find what would stop a run before any work.
 
-Said of every study: no load, a body softer than its loads, names that nothing uses, absolute
-temperatures, a curve that is a polygon, and volumetric locking of P1 elements in plane strain. What
-locking costs is measured on a solution that does not depend on ν: unit square, displacement given
+Every study is looked at: no load, a body softer than its loads, unused names, absolute
+temperatures, a curve that is a polygon, and volumetric locking of P1 elements in plane strain. The
+loss by locking is measured on a solution that does not depend on ν: unit square, displacement given
 on three sides, contact with a linear law below, u = curl(sin(πx)(y + ky²/2μ)), div u = 0, so that
 only the discretisation feels λ; longest element edge 0.048 (2,300 unknowns). The remedy within P1
 is a finer mesh: errors fall once h² λ/μ ≲ 1.
 
-The face of a body from a STEP or BREP file is built before any work starts. What an outline is
-judged by while the study is read needs the kernel here: whether every name has an edge, regions lie
-in the face, the supports exclude rigid motions, and maxh gives a sensible number of triangles.
+The face of a body from a STEP or BREP file is built before any work starts. An outline is judged
+while the study is read; a face needs the kernel: whether every name has an edge, regions lie in the
+face, the supports exclude rigid motions, and maxh gives a sensible number of triangles.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.points import combinations, distinct, idle_notes
 from tcstudy.scene.records import (
     Body,
+    Boundary,
     Clamped,
     Contact,
     Material,
@@ -50,8 +51,7 @@ from tcstudy.study.workers import expected_bytes
 Points = NDArray[np.float64]
 
 AMBIENT = (250.0, 350.0)
-"""Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not
-do."""
+"""Temperatures of a workshop counted from absolute zero [K], which a study does not do."""
 LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
 """Units of lengths, with their size [m], largest first."""
 MAX_STRAIN = 0.1
@@ -61,16 +61,24 @@ MAX_OFFSET = 1e-6
 CELLS_IN_ZONE = 5.0
 """Elements in the softening zone from which on the mesh does not decide about the strength."""
 ZONE_CELLS, ZONE_ERRORS = (0.7, 1.4, 2.8, 7.0), (52.0, 12.0, 4.0, 2.0)
-"""Elements in the softening zone, and by how much the largest force of a bonded strip exceeds
-√(2 G_f E t) [%]; a bar of equal cells has 124, 12, 3 and 0.6."""
+"""Elements in the softening zone, and the error of the largest force of a bonded strip [%].
+
+The exact force is √(2 G_f E t). A bar of equal cells has errors of 124, 12, 3 and 0.6 %.
+"""
 PARALLEL = 1e-6
-"""Sine of the angle up to which two edges meet smoothly; the constraints of a mesh go by the same
-bound."""
+"""Sine of the largest angle at which two edges meet smoothly, for the constraints of a mesh too."""
+ACCURACY = 1e-7
+"""Accuracy of points and normals of a curve from a file, relative to the body: the kernel's own."""
+MAX_AREA_LOSS = 0.1
+"""Largest share of a region's area that its inaccurate edges may cost."""
 
 
 def lint(study: Study) -> list[str]:
-    """One sentence for each of them. Raises GeometryFailed if a file has no such face."""
-    return [*_sentences(study), *unused(study)]
+    """Return the warnings of a study, a sentence or note each.
+
+    Raises GeometryFailed if a file has no such face.
+    """
+    return [*_warnings(study), *unused(study)]
 
 
 def note(fact: str, consequence: str, remedy: str) -> str:
@@ -78,85 +86,110 @@ def note(fact: str, consequence: str, remedy: str) -> str:
     return f"{fact}\n  {consequence}\n  Fix: {remedy}"
 
 
-def _sentences(study: Study) -> Iterator[str]:
-    scenes, body = study.scenes, study.scenes[0].body
+def _warnings(study: Study) -> Iterator[str]:
+    """Yield the warnings of a study but those of its text."""
+    body = study.scenes[0].body
     geometry = None if body.brep is None else build(body)
     if geometry is not None:
         yield from _off_their_edge(body, geometry)
         yield from _going_on_straight(study, geometry)
-    if count := _pinned(body, scenes[0].edges(Contact), geometry):
-        # which both their edges hold: u_N = 0 twice is u = 0
-        corners = (
-            "corner of the contact line is" if count == 1 else "corners of the contact line are"
-        )
-        remedy = (
-            "draw it as arcs with through: [x, y]"
-            if body.brep is None
-            else "make it arcs or splines in the file"
-        )
-        yield (
-            f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
-            f"a curve, {remedy}"
-        )
-    if study.kind == "path":
-        visited: Sequence[Scene] = tuple(loaded_scenes(study, AMBIENT))
-        unloaded = len(visited) if not loaded(visited).any() else 0
-    else:
-        visited = scenes
-        unloaded = int(np.count_nonzero(~loaded(scenes)))
-    if (
-        unloaded and study.history is None and study.fit is None
-    ):  # whose steps and data are its loads
-        where = (
-            "nothing loads this scene"
-            if len(scenes) == 1
-            else f"nothing loads {unloaded} of {len(scenes)} points"
-        )
-        yield f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature"
-    if study.mesh.guarantee and (why := dict.fromkeys(filter(None, map(why_no_bound, scenes)))):
-        yield f"no error is bounded where {'; or where '.join(why)}"
+    yield from _pinned(study, geometry)
+    yield from _unloaded(study)
+    if study.mesh.guarantee:
+        reasons = dict.fromkeys(filter(None, map(why_no_bound, study.scenes)))
+        if reasons:
+            yield f"no error is bounded where {'; or where '.join(reasons)}"
     measures = Measures.of(body, geometry)
     if study.units == "SI":
-        given = list(loads(study, AMBIENT))
-        yield from _absolute(study, given, measures)
-        yield from _strained(study, given, measures)
-        yield from _soft(study, given, measures)
+        all_loads = list(loads(study, AMBIENT))
+        yield from _absolute(study, all_loads, measures)
+        yield from _strained(study, all_loads, measures)
+        yield from _soft(study, all_loads, measures)
     yield from _coarse(study, measures)
+    yield from _moved_regions(body)
+    yield from _idle_exchange(study)
+
+
+def _pinned(study: Study, geometry: Geometry | None) -> Iterator[str]:
+    """Yield a warning for corners of the contact line: u_N = 0 on both edges is u = 0 there."""
+    body = study.scenes[0].body
+    count = _count_corners(body, study.scenes[0].edges(Contact), geometry)
+    if not count:
+        return
+    corners = "corner of the contact line is"
+    if count > 1:
+        corners = "corners of the contact line are"
+    remedy = "draw it as arcs with through: [x, y]"
+    if body.brep is not None:
+        remedy = "make it arcs or splines in the file"
+    yield (
+        f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; "
+        f"if short straight edges stand for a curve, {remedy}"
+    )
+
+
+def _unloaded(study: Study) -> Iterator[str]:
+    """Yield a warning for scenes that nothing loads."""
+    if study.history is not None or study.fit is not None:  # their steps and data are the loads
+        return
+    if study.kind == "path":
+        scenes: Sequence[Scene] = tuple(loaded_scenes(study, AMBIENT))
+        count = 0 if loaded(scenes).any() else len(scenes)
+    else:
+        count = int(np.count_nonzero(~loaded(study.scenes)))
+    if not count:
+        return
+    where = "nothing loads this scene"
+    if len(study.scenes) > 1:
+        where = f"nothing loads {count} of {len(study.scenes)} points"
+    remedy = "give f, g, a pressure, a displacement or a temperature"
+    yield f"{where}: u = 0 is a solution; {remedy}"
+
+
+def _moved_regions(body: Body) -> Iterator[str]:
+    """Yield a warning for every region whose corners are moved onto the edges they nearly meet."""
     for region in body.regions:
         if region.moved > 0.0:
             yield (
-                f"corners of body.regions.{region.name} miss the edges that they nearly meet by up to "
-                f"{region.moved:.2g} and are moved onto them; give them more digits"
+                f"corners of body.regions.{region.name} miss the edges that they nearly meet "
+                f"by up to {region.moved:.2g} and are moved onto them; give them more digits"
             )
-    acts_nowhere = set()
-    for scene in distinct(scenes, "heat", "boundary"):
-        of_edges = [
-            None if role.heat is None else role.heat.alpha
-            for _, role in scene.boundary
-            if exchanges(role)
-        ]
-        if scene.heat.alpha > 0.0 and None not in of_edges:
-            why_idle = (
+
+
+def _idle_exchange(study: Study) -> Iterator[str]:
+    """Yield a warning where heat.alpha belongs to no edge."""
+    reasons = set[str]()
+    for scene in distinct(study.scenes, "heat", "boundary"):
+        roles = [role for _, role in scene.boundary if exchanges(role)]
+        has_alpha = [role.heat is not None and role.heat.alpha is not None for role in roles]
+        if scene.heat.alpha > 0.0 and all(has_alpha):
+            reasons.add(
                 "every edge that exchanges heat has its own"
-                if of_edges
+                if roles
                 else "no edge has the role convection"
             )
-            acts_nowhere.add(f"heat.alpha acts nowhere, as {why_idle}; remove it")
-    yield from sorted(acts_nowhere)
+    for reason in sorted(reasons):
+        yield f"heat.alpha acts nowhere, as {reason}; remove it"
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
-    """(P,) whether anything moves a body out of u = 0: a load, a displacement, a temperature, or a
-    law that pushes."""
+    """Return (P,) whether anything moves a body out of u = 0.
+
+    It may be a load, a displacement, a temperature, or a law with a traction where nothing slips.
+    """
 
     def where(is_so: Callable[[Scene], bool], *sections: str) -> NDArray[np.bool_]:
-        some, of = combinations(scenes, *sections)
-        return np.array([is_so(scene) for scene in some], dtype=bool)[of]
+        representatives, number = combinations(scenes, *sections)
+        return np.array([is_so(scene) for scene in representatives], dtype=bool)[number]
 
-    warm = where(_warm, "boundary", "heat") & where(
-        lambda scene: scene.material.expands, "material"
-    )
-    return where(_forced, "boundary", "f") | warm | where(_pushes, "friction")
+    is_warm = where(_has_temperature, "boundary", "heat")
+    expands = where(_expands, "material")
+    is_forced = where(_forced, "boundary", "f")
+    return is_forced | (is_warm & expands) | where(_has_active_traction, "friction")
+
+
+def _expands(scene: Scene) -> bool:
+    return bool(scene.material.expands)
 
 
 def _forced(scene: Scene) -> bool:
@@ -171,28 +204,33 @@ def _forced(scene: Scene) -> bool:
     return False
 
 
-def _warm(scene: Scene) -> bool:
-    """Whether there is a temperature."""
+def _has_temperature(scene: Scene) -> bool:
+    """Return whether the temperature of a scene is not 0 everywhere."""
     if scene.heat.theta is not None:
         return scene.heat.theta != 0.0
-    given = (*(bar for _, _, bar in scene.exchange), *(theta for _, theta in scene.held_theta))
-    return any(theta != 0.0 for theta in given) or bool(
-        given and (scene.heat.q != 0.0 or scene.flux)
-    )
+    ambient = [theta_bar for _, _, theta_bar in scene.exchange]
+    prescribed = [theta for _, theta in scene.held_theta]
+    temperatures = ambient + prescribed
+    if any(theta != 0.0 for theta in temperatures):
+        return True
+    return bool(temperatures and (scene.heat.q != 0.0 or scene.flux))
 
 
-def _pushes(scene: Scene) -> bool:
-    """Whether the law has a traction where nothing slips: 0 not in b̂(0)."""
-    at_0 = (law.interval(np.zeros(1), 0.0) for law in scene.laws)
-    return not all(low[0] <= 0.0 <= high[0] for low, high in at_0)
+def _has_active_traction(scene: Scene) -> bool:
+    """Return whether the law has a traction where nothing slips: 0 not in b̂(0)."""
+    for law in scene.laws:
+        low, high = law.interval(np.zeros(1), 0.0)
+        if not low[0] <= 0.0 <= high[0]:
+            return True
+    return False
 
 
-def _absolute(study: Study, given: Sequence[Load], measures: Measures) -> Iterator[str]:
+def _absolute(study: Study, all_loads: Sequence[Load], measures: Measures) -> Iterator[str]:
     """Yield a warning for every temperature that looks as if it counts from absolute zero."""
     if not any(scene.material.expands for scene in distinct(study.scenes, "material")):
         return
     suspects = dict[str, float]()
-    for load in given:
+    for load in all_loads:
         if load.dimension == TEMPERATURE:
             for kelvin in _ambient(load, measures.points):
                 suspects[load.key] = min(kelvin, suspects.get(load.key, math.inf))
@@ -205,8 +243,10 @@ def _absolute(study: Study, given: Sequence[Load], measures: Measures) -> Iterat
 
 
 def _ambient(load: Load, points: NDArray[np.float64]) -> Iterator[float]:
-    """Yield the numbers of a temperature that are those of a workshop in kelvin: its value, what a
-    field adds to what varies in it, or the least value of a field that is never near 0."""
+    """Yield the numbers of a temperature that are those of a workshop in kelvin.
+
+    They are its value, or the constants and the least value of a field.
+    """
     candidates = load.constants
     if isinstance(load.value, Expression):
         field = load.values(points)
@@ -216,14 +256,13 @@ def _ambient(load: Load, points: NDArray[np.float64]) -> Iterator[float]:
             yield kelvin
 
 
-def _strained(study: Study, given: Sequence[Load], measures: Measures) -> Iterator[str]:
-    """Yield a warning for the largest temperature and the largest displacement that would strain
-    the body more than small strains are."""
+def _strained(study: Study, all_loads: Sequence[Load], measures: Measures) -> Iterator[str]:
+    """Yield warnings for a temperature and a displacement that would strain the body too much."""
     materials = [
         material for scene in distinct(study.scenes, "material") for material in scene.material.all
     ]
     expansion = max(map(_expansion, materials), default=0.0)
-    temperatures = [load for load in given if load.dimension == TEMPERATURE and load.scene]
+    temperatures = [load for load in all_loads if load.dimension == TEMPERATURE and load.scene]
     warmest = _largest(temperatures, measures.points)
     if warmest is not None and expansion * warmest[0] > MAX_STRAIN:
         kelvin, load = warmest
@@ -232,86 +271,108 @@ def _strained(study: Study, given: Sequence[Load], measures: Measures) -> Iterat
             f"alpha_T = {expansion:g} 1/K; the model assumes strains that are small.",
             "check alpha_T, often some 1e-5 1/K, and the temperature",
         )
-    displacements = [load for load in given if load.dimension == LENGTH]
+    displacements = [load for load in all_loads if load.dimension == LENGTH]
     farthest = _largest(displacements, measures.points)
     if farthest is not None and farthest[0] > MAX_STRAIN * measures.size:
         metres, load = farthest
+        strain = metres / measures.size
+        size = _length(study, measures.size)
         yield note(
-            f"{load.key} = {_length(study, metres)} would strain the body by {metres / measures.size:.2g}",
-            f"The body has a size of {_length(study, measures.size)}; strains are assumed to be small.",
+            f"{load.key} = {_length(study, metres)} would strain the body by {strain:.2g}",
+            f"The body has a size of {size}; strains are assumed to be small.",
             "a number without a unit is in m; write mm or um if that was meant",
         )
 
 
 def _expansion(material: Material) -> float:
-    """Return the coefficient of thermal expansion, that behind a given beta where there is one."""
+    """Return the coefficient of thermal expansion, also where the stress coefficient is given."""
     if material.alpha_T is not None:
         return abs(material.alpha_T)
     factor = 1.0 - material.nu if material.plane == "stress" else 1.0 - 2.0 * material.nu
     return abs(material.beta) * factor / material.E
 
 
-def _largest(given: Iterable[Load], points: NDArray[np.float64]) -> tuple[float, Load] | None:
-    """Return the load with the largest absolute value, behind that value."""
-    sizes = [(float(np.max(np.abs(load.values(points)), initial=0.0)), load) for load in given]
+def _largest(all_loads: Iterable[Load], points: NDArray[np.float64]) -> tuple[float, Load] | None:
+    """Return the largest absolute value of the loads, and its load; None without loads."""
+    sizes = [(float(np.max(np.abs(load.values(points)), initial=0.0)), load) for load in all_loads]
     return max(sizes, key=lambda pair: pair[0], default=None)
 
 
-def _soft(study: Study, given: Sequence[Load], measures: Measures) -> Iterator[str]:
-    """Yield a warning for a body softer than its loads: E below a stress on it is a strain above 1,
-    where small ones are meant."""
+def _soft(study: Study, all_loads: Sequence[Load], measures: Measures) -> Iterator[str]:
+    """Yield a warning for a body softer than its loads: such a stress is a strain above 1."""
     per_stress = {TRACTION: 1.0, BODY_FORCE: measures.size, LINE_FORCE: 1.0 / measures.size}
-    acting = 0.0
+    stress = 0.0
     for dimension, factor in per_stress.items():
-        same = [load for load in given if load.dimension == dimension]
-        acting = max(acting, factor * (_largest(same, measures.points) or (0.0,))[0])
-    held = [law.b_scale for scene in distinct(study.scenes, "friction") for law in scene.laws]
-    stress, what = acting, "a load"
-    if acting == 0.0:
-        stress, what = max(held, default=0.0), "the friction"
-    least = min(own.E for scene in distinct(study.scenes, "material") for own in scene.material.all)
-    if 0.0 < least < stress < math.inf:
+        same = [load for load in all_loads if load.dimension == dimension]
+        largest = _largest(same, measures.points)
+        if largest is not None:
+            stress = max(stress, factor * largest[0])
+    subject = "a load"
+    if stress == 0.0:
+        laws = [law for scene in distinct(study.scenes, "friction") for law in scene.laws]
+        stress = max((law.b_scale for law in laws), default=0.0)
+        subject = "the friction"
+    modulus = min(material.E for material in _materials(study.scenes))
+    if 0.0 < modulus < stress < math.inf:
+        strain = stress / modulus
         yield note(
-            f"E = {least:g} Pa: {what} of {stress:.3g} Pa would strain the body by {stress / least:.2g}",
+            f"E = {modulus:g} Pa: {subject} of {stress:.3g} Pa would strain the body by {strain:.2g}",
             "The model assumes strains that are small.",
             "a number without a unit is in Pa; write MPa or GPa if that was meant",
         )
 
 
+def _materials(scenes: Sequence[Scene]) -> list[Material]:
+    """Return the materials of all scenes and regions."""
+    materials = list[Material]()
+    for scene in distinct(scenes, "material"):
+        materials += scene.material.all
+    return materials
+
+
 def _coarse(study: Study, measures: Measures) -> Iterator[str]:
-    """Yield a warning for elements longer than a fifth of the zone in which a softening law falls."""
+    """Yield a warning for elements longer than a fifth of the zone in which a law softens."""
     if study.mesh.open_ended:
         return
-    zone = min(
-        (
-            _softening_zone(law.omega, material, measures.area / measures.contact(scene))
-            for scene in walked_scenes(study, AMBIENT, "friction", "material", "boundary")
-            for law in scene.laws
-            for material in scene.material.all
-            if 0.0 < law.omega < math.inf and measures.contact(scene) > 0.0
-        ),
-        default=math.inf,
-    )
+    zone = _shortest_zone(study, measures)
     element = _element(study)
     cells = zone / element
     if cells >= CELLS_IN_ZONE:
         return
     error = float(np.interp(math.log(cells), np.log(ZONE_CELLS), ZONE_ERRORS))
     bound = "at least " if cells < ZONE_CELLS[0] else ""
-    long, whole, fine = (_length(study, one) for one in (element, zone, zone / CELLS_IN_ZONE))
+    table = zip(ZONE_CELLS, ZONE_ERRORS, strict=True)
+    examples = ", ".join(f"{percent:g} % at {count:g}" for count, percent in table)
+    zone_words = _length(study, zone)
+    remedy = f"take elements of {_length(study, zone / CELLS_IN_ZONE)} or less"
     yield note(
-        f"elements of {long} are long for a softening zone of {whole}",
+        f"elements of {_length(study, element)} are long for a softening zone of {zone_words}",
         f"{cells:.2g} cells in it: a strip debonds at loads {bound}{error:.2g} % too high "
-        f"({', '.join(f'{e:g} % at {c:g}' for c, e in zip(ZONE_CELLS, ZONE_ERRORS, strict=True))}).",
-        f"take elements of {fine} or less: a smaller mesh.maxh or more levels",
+        f"({examples}).",
+        f"{remedy}: a smaller mesh.maxh or more levels",
     )
+
+
+def _shortest_zone(study: Study, measures: Measures) -> float:
+    """Return the shortest softening zone in all scenes, ∞ where no law softens gradually [m]."""
+    zone = math.inf
+    for scene in walked_scenes(study, AMBIENT, "friction", "material", "boundary"):
+        contact = measures.contact(scene)
+        if not contact > 0.0:
+            continue
+        height = measures.area / contact
+        slopes = [law.omega for law in scene.laws if 0.0 < law.omega < math.inf]
+        for omega, material in itertools.product(slopes, scene.material.all):
+            zone = min(zone, _softening_zone(omega, material, height))
+    return zone
 
 
 def _length(study: Study, length: float) -> str:
     """Return a length in words, in the unit of its size."""
     if study.units == "none":
         return f"{length:.3g}"
-    metres, unit = next((one for one in LENGTH_UNITS if length >= one[0]), LENGTH_UNITS[-1])
+    fitting = (pair for pair in LENGTH_UNITS if length >= pair[0])
+    metres, unit = next(fitting, LENGTH_UNITS[-1])
     return f"{length / metres:.3g} {unit}"
 
 
@@ -325,8 +386,9 @@ def _element(study: Study) -> float:
 
 
 def _softening_zone(omega: float, material: Material, height: float) -> float:
-    """Return the length in which a law of this slope softens, a quarter of the wave that the body
-    resists as stiffly as the law falls [m].
+    """Return the length in which a law of slope ω softens [m].
+
+    It is a quarter of the wave that the body resists as stiffly as the law softens.
 
     A free strip resists waves of the number k with E' t k², a thick body with
     2μ (λ + 2μ)/(λ + 3μ) k where u_N = 0.
@@ -338,52 +400,60 @@ def _softening_zone(omega: float, material: Material, height: float) -> float:
 
 
 def unused(study: Study) -> list[str]:
-    """Names under `parameters` that no number of the study uses, each with its line."""
-    if "parameters" not in study.text and not any("parameters" in text for text in study.overrides):
+    """Return a warning for every name under `parameters` that no number uses, with its line."""
+    texts = (study.text, *study.overrides)
+    if not any("parameters" in text for text in texts):
         return []
     root = tree_of(study, Collector())
-    names, sections = root.at("parameters"), root.value
-    if names is None or not (isinstance(names.value, Mapping) and isinstance(sections, Mapping)):
+    parameters = root.at("parameters")
+    sections = root.value
+    if parameters is None or not isinstance(sections, Mapping):
         return []
-    others = [
-        node
-        for key, node in sections.items()
-        if key not in ("title", "institution", "units", "parameters")
+    if not isinstance(parameters.value, Mapping):
+        return []
+    without_numbers = ("title", "institution", "units", "parameters")
+    users = [node for key, node in sections.items() if key not in without_numbers]
+    needed = names_needed(parameters, users)
+    problem = "no number of the study uses this name"
+    remedy = "write it where it is meant, or remove it"
+    faults: list[LocatedFault] = [
+        (("parameters", name), problem, remedy) for name in parameters.value if name not in needed
     ]
-    needed = names_needed(names, others)
-    idle = [name for name in names.value if name not in needed]
-    what, remedy = (
-        "no number of the study uses this name",
-        "write it where it is meant, or remove it",
-    )
-    return [
-        str(problem)
-        for problem in located(study, [(("parameters", name), what, remedy) for name in idle])
-    ]
+    return [str(fault) for fault in located(study, faults)]
 
 
-def _pinned(body: Body, contact: tuple[str, ...], geometry: Geometry | None) -> int:
-    """Corners between two contact edges of different directions."""
-    if geometry is None:
-        corners = [
-            pair
-            for loop in body.loops
-            for pair in loop.corners
-            if all(one.name in contact for one in pair)
-        ]
-        normals = [
-            (edge_normal(one, [one.end])[0], edge_normal(two, [two.start])[0])
-            for one, two in corners
-        ]
-    else:
-        ends = [
-            (p[i], n[i]) for name, p, n in geometry.samples() if name in contact for i in (0, -1)
-        ]
-        pairs = itertools.combinations(ends, 2)
-        normals = [
-            (a, b) for (p, a), (q, b) in pairs if np.linalg.norm(p - q) <= ACCURACY * geometry.size
-        ]
+def _count_corners(body: Body, contact: tuple[str, ...], geometry: Geometry | None) -> int:
+    """Return the number of corners between two contact edges of different directions."""
+    normals = _outline_normals(body, contact)
+    if geometry is not None:
+        normals = _face_normals(geometry, contact)
     return sum(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL for a, b in normals)
+
+
+def _outline_normals(body: Body, contact: tuple[str, ...]) -> list[tuple[Points, Points]]:
+    """Return the normals of both edges at every corner between two contact edges of an outline."""
+    normals = list[tuple[Points, Points]]()
+    for loop in body.loops:
+        for before, after in loop.corners:
+            if before.name in contact and after.name in contact:
+                normal_before = edge_normal(before, [before.end])[0]
+                normal_after = edge_normal(after, [after.start])[0]
+                normals.append((normal_before, normal_after))
+    return normals
+
+
+def _face_normals(geometry: Geometry, contact: tuple[str, ...]) -> list[tuple[Points, Points]]:
+    """Return the normals of both edges wherever two contact edges of a face meet."""
+    ends = list[tuple[Points, Points]]()
+    for name, points, normals in geometry.samples():
+        if name in contact:
+            ends += [(points[0], normals[0]), (points[-1], normals[-1])]
+    slack = ACCURACY * geometry.size
+    return [
+        (normal, other_normal)
+        for (point, normal), (other, other_normal) in itertools.combinations(ends, 2)
+        if np.linalg.norm(point - other) <= slack
+    ]
 
 
 def _off_their_edge(body: Body, geometry: Geometry) -> Iterator[str]:
@@ -400,10 +470,13 @@ def _off_their_edge(body: Body, geometry: Geometry) -> Iterator[str]:
 
 
 def _going_on_straight(study: Study, geometry: Geometry) -> Iterator[str]:
-    """Yield a warning for every CAD edge that goes on from a named one along the same line or
-    circle, under the name of all others and with another role."""
+    """Yield a warning for every unnamed CAD edge that goes on from a named one.
+
+    It lies on the same line or circle, has the name of all others, and another role.
+    """
     scene = study.scenes[0]
-    brep, roles = scene.body.brep, dict(scene.boundary)
+    brep = scene.body.brep
+    roles = dict(scene.boundary)
     assert brep is not None
     if brep.other in dict(brep.edges):
         return
@@ -450,6 +523,7 @@ def is_on_curve(piece: Points, other: Points, slack: float) -> bool:
 
 
 NEARLY_INCOMPRESSIBLE = 0.45
+"""Poisson's ratio in plane strain from which on locking is warned of."""
 MEASURED = {
     0.3: (3.6, 0.14),
     0.45: (5.2, 0.24),
@@ -457,168 +531,161 @@ MEASURED = {
     0.499: (30.0, 7.3),
     0.4999: (91.0, 15.0),
 }
-"""Error of u in the energy norm and of u_T in L² of Γ_C [%] by ν, as `tcstudy converge` measures
-it."""
+"""Errors of u in the energy norm and of u_T in L² of Γ_C [%] by ν, from `tcstudy converge`."""
 
 
 def locking_notes(scenes: Sequence[Scene]) -> list[str]:
-    """The warning for the largest Poisson's ratio in plane strain, with the measured loss, if it
-    deserves one."""
-    materials = [own for scene in distinct(scenes, "material") for own in scene.material.all]
-    nu = max((own.nu for own in materials if own.plane == "strain"), default=0.0)
+    """Return the warning of locking for the largest Poisson's ratio in plane strain, if any."""
+    in_strain = [material for material in _materials(scenes) if material.plane == "strain"]
+    nu = max((material.nu for material in in_strain), default=0.0)
     if nu < NEARLY_INCOMPRESSIBLE:
         return []
     near = max(known for known in MEASURED if known <= nu + 1e-12)
-    (energy, slip), (usual_energy, usual_slip) = MEASURED[near], MEASURED[0.3]
+    energy, slip = MEASURED[near]
+    usual_energy, usual_slip = MEASURED[0.3]
     return [
-        f"nu = {nu:.12g} in plane strain: P1 elements lock. On a test with h = 0.048 of its size, at nu = {near:g} "
-        f"u is off by {energy:g} % (energy norm) and u_T by {slip:g} %, against {usual_energy:g} % and "
-        f"{usual_slip:g} % at nu = 0.3, and λ₁ of the mesh is far above that of the body. Trust only levels with "
-        "settled rates, and refine; mesh.guarantee: true says what is true of the body."
+        f"nu = {nu:.12g} in plane strain: P1 elements lock. On a test with h = 0.048 of its size, "
+        f"at nu = {near:g} u is off by {energy:g} % (energy norm) and u_T by {slip:g} %, against "
+        f"{usual_energy:g} % and {usual_slip:g} % at nu = 0.3, and λ₁ of the mesh is far above "
+        "that of the body. Trust only levels with settled rates, and refine; "
+        "mesh.guarantee: true says what is true of the body."
     ]
 
 
-ACCURACY = 1e-7
-"""Of points and normals of a curve from a file, relative to the body; the kernel's own
-tolerance."""
-
-
 def built_faults(study: Study) -> list[LocatedFault]:
-    """The faults of a study whose body is a file; empty for every other body."""
+    """Return the faults of a study whose body is a file; none for every other body."""
     body = study.scenes[0].body
     if body.brep is None:
         return []
     try:
         geometry = build(body)
     except GeometryFailed as error:
-        what, _, remedy = str(error).partition("; ")
-        return [(("body", "file"), what, remedy or "check the file and the number of the face")]
-    sizes = mesh_faults(study.mesh, geometry.area, geometry.size, study.units)
-    of_sizes = [
-        (("mesh", "maxh", *([i] if study.mesh.listed else ())), what, remedy)
-        for i, what, remedy in sizes
-    ]
+        problem, _, remedy = str(error).partition("; ")
+        usual_remedy = "check the file and the number of the face"
+        return [(("body", "file"), problem, remedy or usual_remedy)]
     return [
         *_nameless(body, geometry),
         *_of_regions(body, geometry),
         *_of_supports(study, geometry),
-        *of_sizes,
+        *_of_sizes(study, geometry),
     ]
 
 
 def _nameless(body: Body, geometry: Geometry) -> Iterator[LocatedFault]:
-    """Names that no edge of the face has, since another name's point is nearest to the same
-    edge."""
+    """Yield a fault for every name that no edge of the face has.
+
+    The point of another name is then nearest to the same edge.
+    """
     assert body.brep is not None
     for name in set(edge_names(body)) - {curve.name for curve in geometry.curves}:
-        what = f"no edge of the face has the name {name!r}: "
+        problem = f"no edge of the face has the name {name!r}"
         if name == body.brep.other:
-            yield (
-                ("body", "file", "other"),
-                f"{what}all edges are named by points",
-                "leave out other",
-            )
+            keys: tuple[str, ...] = ("body", "file", "other")
+            problem += ": all edges are named by points"
+            remedy = "leave out other"
         else:
-            what += "another name has a point at the same edge"
-            yield (
-                ("body", "file", "edges", name),
-                what,
-                "give a point nearer to the edge that is meant",
-            )
+            keys = ("body", "file", "edges", name)
+            problem += ": another name has a point at the same edge"
+            remedy = "give a point nearer to the edge that is meant"
+        yield keys, problem, remedy
 
 
 def _of_regions(body: Body, geometry: Geometry) -> Iterator[LocatedFault]:
-    """Regions that leave the face; they may end on its edges."""
+    """Yield a fault for every region that leaves the face; it may end on its edges."""
     areas = geometry.face_areas()
     for region in body.regions:
-        whole, inside = loop_area(region.loop), areas.get(region.name, 0.0)
-        slack = min(
-            TOLERANCE * geometry.size * sum(edge_length(edge) for edge in region.loop.edges),
-            0.1 * whole,
-        )
+        area = loop_area(region.loop)
+        area_inside = areas.get(region.name, 0.0)
+        circumference = sum(edge_length(edge) for edge in region.loop.edges)
+        slack = min(TOLERANCE * geometry.size * circumference, MAX_AREA_LOSS * area)
         keys = ("body", "regions", region.name)
-        if inside <= slack:
-            yield (
-                keys,
-                "the region lies outside the face of the file",
-                "move it inside; coordinates are metres",
-            )
-        elif whole - inside > slack:
-            what = f"the region leaves the face of the file: {inside / whole:.3g} of its area is inside"
-            yield (
-                keys,
-                what,
-                "keep it within the face and clear of its holes; it may end on their edges",
-            )
+        if area_inside <= slack:
+            problem = "the region lies outside the face of the file"
+            yield keys, problem, "move it inside; coordinates are metres"
+        elif area - area_inside > slack:
+            share = f"{area_inside / area:.3g} of its area is inside"
+            problem = f"the region leaves the face of the file: {share}"
+            remedy = "keep it within the face and clear of its holes; it may end on their edges"
+            yield keys, problem, remedy
 
 
 def _of_supports(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
-    """Rigid motions that the supports leave, once for each kind of support in the sweep."""
+    """Yield a fault for rigid motions that the supports leave, once for each kind of support."""
     pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
-    centre = (float(pieces[0].points[0, 0]), float(pieces[0].points[0, 1]))
-    kinds = {
-        supports(scene.boundary): scene.boundary
-        for scene in reversed(distinct(study.scenes, "boundary"))
-    }
-    for boundary in reversed(kinds.values()):
-        if (fault := support_fault(pieces, boundary, centre, geometry.size, ACCURACY)) is not None:
+    x, y = pieces[0].points[0]
+    centre = (float(x), float(y))
+    kinds = dict[object, Boundary]()
+    for scene in distinct(study.scenes, "boundary"):
+        kinds.setdefault(supports(scene.boundary), scene.boundary)
+    for boundary in kinds.values():
+        fault = support_fault(pieces, boundary, centre, geometry.size, ACCURACY)
+        if fault is not None:
             yield ("boundary",), *fault
 
 
+def _of_sizes(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
+    """Yield a fault for every element size that gives too many or too few triangles."""
+    for i, problem, remedy in mesh_faults(study.mesh, geometry.area, geometry.size, study.units):
+        keys = ("mesh", "maxh", i) if study.mesh.listed else ("mesh", "maxh")
+        yield keys, problem, remedy
+
+
 def warnings(study: Study, text: bool = True) -> list[Remark]:
-    """Notes that results have as well, since their numbers would mislead without them; with the
-    geometry where there are several. Raises GeometryFailed if a file has no such face.
+    """Return the warnings that result files keep, with the geometry where there are several.
 
     text: whether with those of the study's text, which all geometries share and which takes long to
-    read
+          read
+    Raises GeometryFailed if a file has no such face.
     """
     if study.variants:
-        own = [
-            (one.words, map(str, warnings(one.study, False)))
-            for one in study.variants
-            if one.study is not None
-        ]
-        return [*map(Remark, unused(study)), *once(own)]
-    seen = study if text else replace(study, text="", overrides=())
-    return [Remark(note) for note in (*idle_notes(seen), *lint(seen), *locking_notes(seen.scenes))]
+        of_geometries = list[tuple[str, list[str]]]()
+        for variant in study.variants:
+            if variant.study is not None:
+                notes = [str(remark) for remark in warnings(variant.study, text=False)]
+                of_geometries.append((variant.words, notes))
+        return [*map(Remark, unused(study)), *once(of_geometries)]
+    if not text:
+        study = replace(study, text="", overrides=())
+    notes = [*idle_notes(study), *lint(study), *locking_notes(study.scenes)]
+    return [Remark(note) for note in notes]
 
 
 def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
-    """Every note once, with the geometries that it is of unless it is of all.
+    """Return every note once, with the geometries that it is of unless it is of all.
 
     notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the
-    range of each number.
+           range of each number.
     """
-    alike: dict[str, dict[str, str]] = {}
-    for words, own in notes:
-        for note in own:
+    alike = dict[str, dict[str, str]]()
+    for words, geometry_notes in notes:
+        for note in geometry_notes:
             alike.setdefault(NUMBER.sub("#", note), {})[words] = note
-    found = []
-    for same in alike.values():
-        few = "; ".join(same) if len(same) == 1 else f"{len(same)} of {len(notes)} geometries"
-        found.append(Remark(ranged([*same.values()]), "" if len(same) == len(notes) else few))
-    return found
+    remarks = list[Remark]()
+    for by_geometry in alike.values():
+        where = f"{len(by_geometry)} of {len(notes)} geometries"
+        if len(by_geometry) == 1:
+            (where,) = by_geometry
+        if len(by_geometry) == len(notes):
+            where = ""
+        remarks.append(Remark(ranged([*by_geometry.values()]), where))
+    return remarks
 
 
 def faults(study: Study, output: Path) -> list[str]:
-    """What would stop a run of this study into `output`, one line each, as the user sees it; empty
-    if nothing would."""
-    file = str(study.source) if study.source is not None else "<text>"
-    found = (f"{file}: {text}" for text in check_writable(output, expected_bytes(study)))
-    return [*map(str, located(study, built_faults(study))), *found]
+    """Return what would stop a run of this study into `output`, one line each."""
+    name = str(study.source) if study.source is not None else "<text>"
+    of_study = [str(problem) for problem in located(study, built_faults(study))]
+    of_output = [f"{name}: {text}" for text in check_writable(output, expected_bytes(study))]
+    return of_study + of_output
 
 
 def fault_in(study: Study, fault: UserFault, name: str) -> str:
-    """What stopped a command, as the user sees it: with its place in the study, or the study's
-    name."""
+    """Return the text of a fault with its place in the study, or the study's name."""
     if fault.placed:
         return str(fault)
     if fault.keys is None:
         return f"{name}: {fault}"
-    what, _, remedy = str(fault).partition("; ")
-    return "\n".join(
-        map(
-            str,
-            located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")]),
-        )
-    )
+    problem, _, remedy = str(fault).partition("; ")
+    usual_remedy = "check the body, or try another maxh"
+    problems = located(study, [(fault.keys, problem, remedy or usual_remedy)])
+    return "\n".join(str(problem) for problem in problems)

@@ -1,16 +1,15 @@
-"""Levels with their solutions in memory, and errors of these against an exact solution or that on a
-finer mesh.
+"""Levels with their solutions in memory, and the errors of these against a reference.
 
-A measure whose reference vanishes is left out, as are those of ξ where the law is b ≡ 0: rounding
-there, which is no reference for anything.
+The reference is an exact solution, or the solution on a finer mesh. A measure whose reference
+vanishes is left out, as are those of ξ where the law is b ≡ 0: ξ is rounding there.
 
-Solutions count on every fine triangle as the linear function that they are at its centre. Where the
-fine mesh refines theirs that is exact; elsewhere it is wrong beyond the coarse edge that cuts a
-triangle, by as much as the gradient jumps there, to either side alike. (Interpolation at the fine
-nodes would smooth these jumps, which are the error: with h_fine = h/4 it lost 27 % of it in the
-energy norm.) The displacement of the line is that at its fine nodes, the traction the step function
-of the coarse line, looked up in the middle of every half of the fine segments. Of nested meshes the
-contact nodes are compared, too.
+On every fine triangle a coarse solution counts as the linear function that it is at the centre.
+Where the fine mesh refines the coarse one that is exact. Elsewhere it is wrong beyond the coarse
+edge that cuts a triangle, by as much as the gradient jumps there, to either side alike.
+(Interpolation at the fine nodes would smooth these jumps, which are the error: with h_fine = h/4 it
+lost 27 % of it in the energy norm.) The displacement of the contact line is that at its fine nodes.
+The traction is the step function of the coarse line, looked up in the middle of every half of the
+fine segments. Nested meshes are compared at their contact nodes, too.
 """
 
 from __future__ import annotations
@@ -58,23 +57,27 @@ from tcstudy.study.run import stages
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
 Key = Any
-"""Which solution of a level: of a sweep by its index, of several solvers by the name."""
+"""Names a solution of a level: the index of a sweep point, or the name of a solver."""
 Errors = dict[str, tuple[float, float]]
-"""Error and norm of the reference, by name."""
-CONSTANT = 1e-9
-"""Change of a temperature across the body, over the temperature, that is rounding and no reference
-for gradients."""
+"""Error and norm of the reference, by the name of the measure."""
+MAX_CONSTANT = 1e-9
+"""Relative change of a temperature across the body that is rounding, and no reference for
+gradients."""
+SLIP_ROUNDING = 1e-9
+"""Relative to the largest slip: a slip this small counts as none in the inclusion."""
 
 
 @dataclass(frozen=True)
 class Solution:
     """One scene on one level.
 
-    status, reason: what came of it
+    status, reason: whether it is solved, and why not
     parts:   (n,) each: u_x, u_y [m] and, if the scene has one, θ [K]; none without a solution
     v, xi:   (m,) u_T [m] and −S_T [Pa] at the contact nodes
-    sticks:  (m,) nodes that rest on an up-jump of the law
+    sticks:  (m,) nodes that stick
     numbers: results by name, as in the result file
+    lower:   energy of the least state found, where it is below this one, which is on the branch of
+             the exact solution [J/m]
     """
 
     status: PointStatus
@@ -84,13 +87,11 @@ class Solution:
     xi: Array
     sticks: NDArray[np.bool_]
     numbers: dict[str, float]
-    lower: float = float("nan")
-    """Energy of the least state found, where it lies below this one on the branch of the exact
-    solution [J/m]."""
+    lower: float = math.nan
 
     @property
     def ok(self) -> bool:
-        """True if it passed its acceptance test."""
+        """Whether it passed its acceptance test."""
         return self.status == PointStatus.OK and bool(self.parts)
 
 
@@ -105,111 +106,131 @@ class SolvedLevel:
 
     @classmethod
     def of(cls, level: Level, solutions: Mapping[Key, Solution]) -> SolvedLevel:
-        """What is kept of a level."""
+        """Keep what errors need of a level."""
         return cls(level.frames.n_dof, level.mesh, level.line, solutions)
 
     @cached_property
     def normals(self) -> Array:
-        """(s, 2, 2) of the exact curve at both ends of the segments of Γ_C."""
+        """Normals (s, 2, 2) of the exact curve at both ends of the segments of Γ_C."""
         return np.asarray(self.mesh.end_normals[self.line.which])
 
     @cached_property
     def curves(self) -> NDArray[np.intp]:
-        """(s,) boundary curve that every contact segment lies on, numbered alike on all meshes of
-        the body."""
+        """Boundary curve (s,) of every contact segment, numbered alike on all meshes of a body."""
         return np.asarray(self.mesh.segment_curve[self.line.which])
 
     @property
     def next_to_held(self) -> NDArray[np.bool_]:
-        """(m,) contact nodes with a neighbour on the line that carries no unknown."""
-        return np.isin(self.line.nodes, self.line.segments[(self.line.unknowns < 0).any(axis=1)])
+        """Contact nodes (m,) with a neighbour on the line that carries no unknown."""
+        has_held_end = (self.line.unknowns < 0).any(axis=1)
+        return np.isin(self.line.nodes, self.line.segments[has_held_end])
 
     def tangential(self, x: Array, y: Array, *_: Array) -> Array:
-        """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of u_x and u_y there."""
+        """Return (s, 2) u·t at both ends of every segment, t = (−n₂, n₁).
+
+        x, y: (s, 2) u_x and u_y there
+        """
         return np.asarray(self.normals[..., 0] * y - self.normals[..., 1] * x)
 
     def halves(self, xi: Array) -> Array:
-        """(s, 2) ξ on both halves of every segment from its values at the contact nodes (m,)."""
-        own = self.line.unknowns
-        return np.asarray(xi[np.where(own < 0, own[:, ::-1], own)])
+        """Return (s, 2) ξ on both halves of every segment from its values (m,) at the nodes."""
+        unknowns = self.line.unknowns
+        nearest_unknown = np.where(unknowns < 0, unknowns[:, ::-1], unknowns)
+        return np.asarray(xi[nearest_unknown])
 
     def distance(
         self, parts: list[Array], function: LineFunction | None = None
     ) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ in L²(Γ_C), f = 0 without one, of v at the Gauss points of equal parts of
-        every segment."""
+        """Return ‖v − f‖ and ‖f‖ in L²(Γ_C); f = 0 without a function.
+
+        parts: v at the Gauss points of equal parts of every segment
+        """
         return line_norms(self.line.ends, self.normals, parts, function)
 
 
 def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel]:
-    """Every sweep point on every level, as a run solves it, with its fields. Raises
-    GeometryFailed."""
+    """Solve every sweep point on every level, as a run does, with its fields.
+
+    Raises GeometryFailed.
+    """
     # errors are measured on all levels; estimates are kept beside bounds that are asked for
     mesh = replace(study.mesh, tolerance=None, estimate=study.mesh.guarantee)
     study = replace(study, output=replace(study.output, fields=True), mesh=mesh)
     levels: list[SolvedLevel] = []
-    for i, stage in enumerate(stages(study)):
+    for number, stage in enumerate(stages(study)):
         if stage.level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
-        level, found = stage.level, dict[Key, Solution]()
-        say(f"level {i}: {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
-        for block, row in ((one, row) for one in stage.blocks for row in range(len(one))):
-            index = block.index(row)
-            found[index] = solution = solution_of(study, level, block, row)
-            if not solution.ok:
-                place = f"point {index} on level {i}" if index else f"level {i}"
-                say(f"{place}: {solution.status.name.lower()}: {solution.reason}")
-        levels.append(SolvedLevel.of(level, found))
+        level = stage.level
+        say(f"level {number}: {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
+        solutions = dict[Key, Solution]()
+        for block in stage.blocks:
+            for row in range(len(block)):
+                index = block.index(row)
+                solution = solution_of(study, level, block, row)
+                solutions[index] = solution
+                if not solution.ok:
+                    place = f"point {index} on level {number}" if index else f"level {number}"
+                    say(f"{place}: {solution.status.name.lower()}: {solution.reason}")
+        levels.append(SolvedLevel.of(level, solutions))
     return levels
 
 
 def solution_of(study: Study, level: Level, block: BlockRecord, row: int = 0) -> Solution:
-    """What a run recorded of a point (with its fields), for comparison; or the solution that the
-    exact one leads to as a start, where that is nearer to it.
+    """Return the solution that a run recorded of a point, or one nearer to the exact solution.
 
-    Where friction falls, the exact solution may be one of several, and not the lowest: errors
-    belong to its own branch. It may even be no minimum, so that Newton's method on its pieces finds
-    it where a descent would leave it.
+    Of a softening law the exact solution may be one of several, and not the lowest: errors belong
+    to its own branch. It may even be no minimum, so that Newton's method on its pieces finds it
+    where a descent would leave it.
     """
-    place, least = int(block.points[row]), _recorded(study, level, block, row)
-    if (
-        study.exact is None
-        or study.solver.branch != "lowest"
-        or not least.ok
-        or least.numbers.get("unique") == 1
-    ):
+    least = _recorded(study, level, block, row)
+    is_lowest = study.solver.branch == "lowest"
+    if study.exact is None or not is_lowest or not least.ok or least.numbers.get("unique") == 1:
         return least
-    start = at_contact_nodes(exact_u_T(study.exact), level.mesh, level.line)
-    close = polished(level.condensed(study.scenes[place]).problem, start, exact=False).v
-    near = replace(study, solver=replace(study.solver, branch="continued"))
-    found = _recorded(study, level, solve_point(near, level, place, close), 0)
-    if not found.ok or np.linalg.norm(found.v - start) >= np.linalg.norm(least.v - start):
+    place = int(block.points[row])
+    exact_slip = at_contact_nodes(exact_u_T(study.exact), level.mesh, level.line)
+    problem = level.condensed(study.scenes[place]).problem
+    start = polished(problem, exact_slip, exact=False).v
+    continued = replace(study, solver=replace(study.solver, branch="continued"))
+    near = _recorded(study, level, solve_point(continued, level, place, start), 0)
+    if not near.ok:
         return least
-    energies = found.numbers["energy"], least.numbers["energy"]
-    below = energies[1] < energies[0] - TIE * max(map(abs, energies))
-    numbers = found.numbers | {"time_solve": least.numbers["time_solve"]}
-    return replace(found, numbers=numbers, lower=energies[1] if below else math.nan)
+    if np.linalg.norm(near.v - exact_slip) >= np.linalg.norm(least.v - exact_slip):
+        return least
+    energy = near.numbers["energy"]
+    least_energy = least.numbers["energy"]
+    is_lower = least_energy < energy - TIE * max(abs(energy), abs(least_energy))
+    numbers = near.numbers | {"time_solve": least.numbers["time_solve"]}
+    return replace(near, numbers=numbers, lower=least_energy if is_lower else math.nan)
 
 
 def _recorded(study: Study, level: Level, block: BlockRecord, row: int) -> Solution:
-    scene, v, xi = study.scenes[int(block.points[row])], np.empty(0), np.empty(0)
+    """Return the solution of a row of a block."""
+    scene = study.scenes[int(block.points[row])]
+    v = np.empty(0)
+    xi = np.empty(0)
     if block.u_T is not None and block.xi is not None and not np.isnan(block.u_T[row]).any():
-        v, xi = block.u_T[row], block.xi[row]
-    fields = {
-        name: values[row]
-        for name, values in block.fields.items()
-        if not np.isnan(values[row]).all()
-    }
-    if (
-        fields and study.exact is not None and study.exact.theta is not None
-    ):  # also where it does not load the body
+        v = block.u_T[row]
+        xi = block.xi[row]
+    fields = dict[str, Array]()
+    for name, values in block.fields.items():
+        if not np.isnan(values[row]).all():
+            fields[name] = values[row]
+    if fields and study.exact is not None and study.exact.theta is not None:
+        # errors of θ are measured also where it does not load the body
         fields["theta"] = level.temperature(scene).theta
-    parts = tuple(fields[name] for name in ("u_x", "u_y", "theta") if name in fields)
-    numbers = {
-        name: float(values[row]) for name, values in block.numbers.items() if values.ndim == 1
-    }
-    status, reason = PointStatus(int(block.status[row])), block.reasons.get(row, "")
-    return Solution(status, reason, parts, v, xi, level.law(scene).sticking(v), numbers)
+    numbers = dict[str, float]()
+    for name, values in block.numbers.items():
+        if values.ndim == 1:
+            numbers[name] = float(values[row])
+    return Solution(
+        status=PointStatus(int(block.status[row])),
+        reason=block.reasons.get(row, ""),
+        parts=tuple(fields[name] for name in ("u_x", "u_y", "theta") if name in fields),
+        v=v,
+        xi=xi,
+        sticks=level.law(scene).sticking(v),
+        numbers=numbers,
+    )
 
 
 class ExactReference:
@@ -217,169 +238,238 @@ class ExactReference:
 
     def __init__(self, exact: Exact) -> None:
         self._exact = exact
+        functions = (*exact.u, exact.theta)
         self._parts = [
-            partial(value_and_gradient, of) for of in (*exact.u, exact.theta) if of is not None
+            partial(value_and_gradient, function) for function in functions if function is not None
         ]
 
-    def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
-        """Absolute errors of a solution and norms of the reference; empty if there is none."""
-        own, exact, mesh = one.solutions[key], self._exact, one.mesh
-        if not own.parts:
-            return {}
-        there = [given(mesh, of) for of in self._parts]
-        off = [less(nodal(mesh, v, 7), f) for v, f in zip(own.parts, there, strict=False)]
-        moduli, u_T, xi = (
-            (scene.material.lam, scene.material.mu),
-            exact_u_T(exact),
-            exact_xi(exact, scene),
-        )
-        sizes = norms(mesh, there, *moduli)
-        found = {name: (error, sizes[name]) for name, error in norms(mesh, off, *moduli).items()}
-        found |= {
-            "u_T_L2": one.distance(
-                linear(one.tangential(*(w[one.line.segments] for w in own.parts))), u_T
-            ),
-            "xi_L2": one.distance(steps(one.halves(own.xi)), xi),
-        }
-        v, at = (at_contact_nodes(of, one.mesh, one.line) for of in (u_T, xi))
-        found |= _at_nodes(one, own, (v, at), (v, at))
-        return _with_numbers(
-            found, own, {"friction_resultant": exact_friction_resultant(scene, xi)}, scene
-        )
+    def errors(self, level: SolvedLevel, key: Key, scene: Scene) -> Errors:
+        """Return absolute errors of a solution, and norms of the reference.
 
-    def inclusion(self, one: SolvedLevel, scene: Scene) -> float:
-        """max dist(ξ, b̂(u_T)) over the contact nodes of a level, over the scale of b: whether the
-        solution is one."""
-        line, of = one.line, (exact_u_T(self._exact), exact_xi(self._exact, scene))
-        slip, xi = (at_contact_nodes(function, one.mesh, line) for function in of)
+        Empty if there is no solution.
+        """
+        solution = level.solutions[key]
+        if not solution.parts:
+            return {}
+        u_T = exact_u_T(self._exact)
+        xi = exact_xi(self._exact, scene)
+        errors = self._body_errors(level, solution, scene)
+        ends = (part[level.line.segments] for part in solution.parts)
+        errors["u_T_L2"] = level.distance(linear(level.tangential(*ends)), u_T)
+        errors["xi_L2"] = level.distance(steps(level.halves(solution.xi)), xi)
+        nodal_u_T = at_contact_nodes(u_T, level.mesh, level.line)
+        nodal_xi = at_contact_nodes(xi, level.mesh, level.line)
+        here = _NodalReference(nodal_u_T, nodal_xi, _largest(nodal_u_T), _largest(nodal_xi))
+        errors |= _nodal_errors(level, solution, here)
+        numbers = {"friction_resultant": exact_friction_resultant(scene, xi)}
+        errors |= _number_errors(solution, numbers)
+        return _without_vanishing_friction(errors, scene)
+
+    def _body_errors(self, level: SolvedLevel, solution: Solution, scene: Scene) -> Errors:
+        """Return errors and norms in the body."""
+        mesh = level.mesh
+        exact_samples = [given(mesh, part) for part in self._parts]
+        differences = [
+            less(nodal(mesh, part, 7), sample)
+            for part, sample in zip(solution.parts, exact_samples, strict=False)
+        ]
+        moduli = scene.material.lam, scene.material.mu
+        sizes = norms(mesh, exact_samples, *moduli)
+        errors = norms(mesh, differences, *moduli)
+        return {name: (error, sizes[name]) for name, error in errors.items()}
+
+    def inclusion(self, level: SolvedLevel, scene: Scene) -> float:
+        """Return max dist(ξ, b̂(u_T)) over the contact nodes of a level, over the scale of b.
+
+        It tells whether the exact solution is one.
+        """
+        line = level.line
+        slip = at_contact_nodes(exact_u_T(self._exact), level.mesh, line)
+        xi = at_contact_nodes(exact_xi(self._exact, scene), level.mesh, line)
         law = law_along(scene.friction, line.edge_names, line.edge.astype(np.intp), line.xy)
-        low, high = law.interval(slip, 1e-9 * np.max(np.abs(slip), initial=0.0))
-        worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
+        low, high = law.interval(slip, SLIP_ROUNDING * np.max(np.abs(slip), initial=0.0))
+        distance = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
         scale = max(law.b_scale, float(np.max(np.abs(xi), initial=0.0)))
-        return worst / scale if scale > 0.0 else worst
+        return distance / scale if scale > 0.0 else distance
 
 
 @dataclass(frozen=True)
 class _Places:
-    """Where a fine mesh lies in a coarse one: triangle and weights of every centre; P1 functions at
-    both ends of the fine segments; the contact node of every half of them (s, 2), and that at each
-    coarse one, None where there may be none.
+    """Where a fine mesh lies in a coarse one.
+
+    triangle, weights: coarse triangle of every fine centre, and the weights of its nodes there
+    ends:       values of the P1 functions at both ends of the fine segments
+    halves:     (s, 2) contact node of both halves of the fine segments
+    same_nodes: (m,) fine contact node at each coarse one; None where meshes are not nested
     """
 
     triangle: NDArray[np.intp]
     weights: Array
     ends: csr_array
     halves: NDArray[np.intp]
-    same: NDArray[np.intp] | None
+    same_nodes: NDArray[np.intp] | None
 
 
 class FineReference:
     """The solutions on a fine mesh, with which all others are compared."""
 
     def __init__(self, fine: SolvedLevel, nested: bool = False) -> None:
-        """nested: whether the mesh has the nodes of all that are compared, which then are compared
-        at them, too"""
-        self._fine, self._nested = fine, nested
-        self._sizes: dict[Key, dict[str, float]] = {}
+        """Keep the fine level.
+
+        nested: whether its mesh has the nodes of all meshes that are compared, which then are
+                compared at them, too
+        """
+        self._fine = fine
+        self._nested = nested
+        self._body_norms: dict[Key, dict[str, float]] = {}
         self._places: dict[int, tuple[PlaneMesh, _Places]] = {}
 
-    def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
-        """Absolute errors of a solution and norms of the reference; empty if there is none."""
-        fine, own, best = self._fine, one.solutions[key], self._fine.solutions[key]
-        if not own.parts or not best.ok:
+    def errors(self, level: SolvedLevel, key: Key, scene: Scene) -> Errors:
+        """Return absolute errors of a solution, and norms of the reference.
+
+        Empty if one of the two is missing.
+        """
+        solution = level.solutions[key]
+        fine_solution = self._fine.solutions[key]
+        if not solution.parts or not fine_solution.ok:
             return {}
-        mesh, at, exact = fine.mesh, self._located(one), [nodal(fine.mesh, w) for w in best.parts]
-        moduli = [fine.mesh.of_material(scene, name) for name in ("lam", "mu")]
-        if key not in self._sizes:
-            self._sizes[key] = norms(mesh, exact, *moduli)
-        centres = (
-            np.einsum("qk,qk->q", at.weights, v[one.mesh.triangles[at.triangle]]) for v in own.parts
-        )
-        coarse = [
-            affine(mesh, c, one.mesh.gradient(v)[at.triangle])
-            for c, v in zip(centres, own.parts, strict=True)
-        ]
-        off = norms(mesh, [less(a, b) for a, b in zip(coarse, exact, strict=True)], *moduli)
-        found = {name: (error, self._sizes[key][name]) for name, error in off.items()}
-        ends = fine.tangential(*((at.ends @ component).reshape(-1, 2) for component in own.parts))
-        best_ends = fine.tangential(*(component[fine.line.segments] for component in best.parts))
-        best_halves = fine.halves(best.xi)
-        found |= {
-            "u_T_L2": (
-                fine.distance(linear(ends - best_ends))[0],
-                fine.distance(linear(best_ends))[0],
-            ),
-            "xi_L2": (
-                fine.distance(steps(own.xi[at.halves] - best_halves))[0],
-                fine.distance(steps(best_halves))[0],
-            ),
-            "u_T_max": (_largest(ends - best_ends), _largest(best_ends)),
+        places = self._located(level)
+        errors = self._body_errors(level, key, scene, places)
+        errors |= self._line_errors(solution, fine_solution, places)
+        if places.same_nodes is not None:
+            here = _NodalReference(
+                fine_solution.v[places.same_nodes],
+                fine_solution.xi[places.same_nodes],
+                _largest(fine_solution.v),
+                _largest(fine_solution.xi),
+            )
+            errors |= _nodal_errors(level, solution, here)
+        numbers = {name: fine_solution.numbers[name] for name in ("energy", "friction_resultant")}
+        errors |= _number_errors(solution, numbers)
+        return _without_vanishing_friction(errors, scene)
+
+    def _body_errors(self, level: SolvedLevel, key: Key, scene: Scene, places: _Places) -> Errors:
+        """Return errors and norms in the body, without the gradient of a constant temperature."""
+        mesh = self._fine.mesh
+        fine_samples = [nodal(mesh, part) for part in self._fine.solutions[key].parts]
+        moduli = [mesh.of_material(scene, name) for name in ("lam", "mu")]
+        if key not in self._body_norms:
+            self._body_norms[key] = norms(mesh, fine_samples, *moduli)
+        differences = []
+        for part, fine_sample in zip(level.solutions[key].parts, fine_samples, strict=True):
+            nodal_values = part[level.mesh.triangles[places.triangle]]
+            centre = np.einsum("qk,qk->q", places.weights, nodal_values)
+            gradient = level.mesh.gradient(part)[places.triangle]
+            differences.append(less(affine(mesh, centre, gradient), fine_sample))
+        sizes = self._body_norms[key]
+        errors = {
+            name: (error, sizes[name]) for name, error in norms(mesh, differences, *moduli).items()
         }
-        if (
-            "theta_H1" in found
-            and found["theta_H1"][1] * np.ptp(fine.mesh.points) <= CONSTANT * found["theta_L2"][1]
-        ):
-            del found["theta_H1"]
-        if at.same is not None:
-            found |= _at_nodes(one, own, (best.v[at.same], best.xi[at.same]), (best.v, best.xi))
-        return _with_numbers(
-            found,
-            own,
-            {name: best.numbers[name] for name in ("energy", "friction_resultant")},
-            scene,
+        if "theta_H1" in errors:
+            change = sizes["theta_H1"] * np.ptp(mesh.points)
+            if change <= MAX_CONSTANT * sizes["theta_L2"]:
+                del errors["theta_H1"]
+        return errors
+
+    def _line_errors(self, solution: Solution, fine_solution: Solution, places: _Places) -> Errors:
+        """Return errors and norms on the contact line."""
+        fine = self._fine
+        ends = ((places.ends @ part).reshape(-1, 2) for part in solution.parts)
+        fine_ends = (part[fine.line.segments] for part in fine_solution.parts)
+        u_T = fine.tangential(*ends)
+        fine_u_T = fine.tangential(*fine_ends)
+        xi = solution.xi[places.halves]
+        fine_xi = fine.halves(fine_solution.xi)
+        u_T_error, _ = fine.distance(linear(u_T - fine_u_T))
+        u_T_norm, _ = fine.distance(linear(fine_u_T))
+        xi_error, _ = fine.distance(steps(xi - fine_xi))
+        xi_norm, _ = fine.distance(steps(fine_xi))
+        return {
+            "u_T_L2": (u_T_error, u_T_norm),
+            "xi_L2": (xi_error, xi_norm),
+            "u_T_max": (_largest(u_T - fine_u_T), _largest(fine_u_T)),
+        }
+
+    def _located(self, level: SolvedLevel) -> _Places:
+        """Return where the fine mesh lies in that of a level, found once."""
+        key = id(level.mesh)
+        if key not in self._places:
+            self._places[key] = (level.mesh, self._locate(level))  # so the mesh keeps its id
+        return self._places[key][1]
+
+    def _locate(self, level: SolvedLevel) -> _Places:
+        fine_line = self._fine.line
+        triangle, weights = located(level.mesh, self._fine.mesh.centres)
+        same_nodes = None
+        if self._nested:
+            _, same_nodes = cKDTree(fine_line.xy).query(level.line.xy)
+        return _Places(
+            triangle=triangle,
+            weights=weights,
+            ends=interpolation(level.mesh, fine_line.ends.reshape(-1, 2)),
+            halves=self._nodes_of_halves(level),
+            same_nodes=same_nodes,
         )
 
-    def _located(self, one: SolvedLevel) -> _Places:
-        """Segments are looked up by curve and not by edge, which may be both sides of a slot
-        thinner than a cell."""
-        if (key := id(one.mesh)) not in self._places:
-            fine, line = self._fine, self._fine.line
-            a, b = np.moveaxis(line.ends, 1, 0)
-            middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
-            halves, curves, coarse = (
-                np.empty(middles.shape[:2], dtype=np.intp),
-                *(x.curves for x in (fine, one)),
-            )
-            for curve in np.unique(curves):
-                own = np.flatnonzero(np.isin(one.line.nodes, one.line.segments[coarse == curve]))
-                rows = curves == curve
-                halves[rows] = own[cKDTree(one.line.xy[own]).query(middles[rows])[1]]
-            same = cKDTree(line.xy).query(one.line.xy)[1] if self._nested else None
-            ends, centres = (
-                interpolation(one.mesh, line.ends.reshape(-1, 2)),
-                located(one.mesh, fine.mesh.centres),
-            )
-            self._places[key] = (
-                one.mesh,
-                _Places(*centres, ends, halves, same),
-            )  # so the mesh keeps its id
-        return self._places[key][1]
+    def _nodes_of_halves(self, level: SolvedLevel) -> NDArray[np.intp]:
+        """Return (s, 2) the contact node of a level nearest to each half of the fine segments.
+
+        It is looked up by curve, not by edge: one edge may be both sides of a slot thinner than a
+        cell.
+        """
+        a, b = np.moveaxis(self._fine.line.ends, 1, 0)
+        middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
+        fine_curves = self._fine.curves
+        nodes = np.empty(middles.shape[:2], dtype=np.intp)
+        for curve in np.unique(fine_curves):
+            on_curve = level.line.segments[level.curves == curve]
+            candidates = np.flatnonzero(np.isin(level.line.nodes, on_curve))
+            is_here = fine_curves == curve
+            _, nearest = cKDTree(level.line.xy[candidates]).query(middles[is_here])
+            nodes[is_here] = candidates[nearest]
+        return nodes
 
 
 Reference = ExactReference | FineReference
 
 
-def _with_numbers(found: Errors, own: Solution, known: Mapping[str, float], scene: Scene) -> Errors:
-    """With the errors of numbers that are known of the reference, and without those of a friction
-    that vanishes."""
-    found |= {name: (abs(own.numbers.get(name, math.nan) - value), abs(value))
-              for name, value in known.items() if math.isfinite(value)}  # fmt: skip
-    vanishing = ("xi_", "friction_resultant") if scene.friction.vanishes else ()
-    return {name: pair for name, pair in found.items() if not name.startswith(vanishing)}
+def _number_errors(solution: Solution, numbers: Mapping[str, float]) -> Errors:
+    """Return errors of the numbers that are known of the reference."""
+    errors = Errors()
+    for name, value in numbers.items():
+        if math.isfinite(value):
+            errors[name] = abs(solution.numbers.get(name, math.nan) - value), abs(value)
+    return errors
 
 
-def _at_nodes(
-    one: SolvedLevel, own: Solution, best: tuple[Array, Array], sizes: tuple[Array, Array]
-) -> Errors:
-    """Errors at the contact nodes against (u_T, ξ) there; sizes: what maxima are relative to"""
-    (v, xi), (all_v, all_xi) = best, sizes
+def _without_vanishing_friction(errors: Errors, scene: Scene) -> Errors:
+    """Leave out the errors of a friction that vanishes."""
+    if not scene.friction.vanishes:
+        return errors
+    rounding = ("xi_", "friction_resultant")
+    return {name: pair for name, pair in errors.items() if not name.startswith(rounding)}
+
+
+@dataclass(frozen=True)
+class _NodalReference:
+    """The reference at the contact nodes of a level: u_T and ξ (m,), and their largest values."""
+
+    u_T: Array
+    xi: Array
+    max_u_T: float
+    max_xi: float
+
+
+def _nodal_errors(level: SolvedLevel, solution: Solution, reference: _NodalReference) -> Errors:
+    """Return errors and norms at the contact nodes of a level."""
+    xi_difference = solution.xi - reference.xi
+    c = level.line.c
+    xi_error = float(np.sqrt(c @ xi_difference**2))
+    xi_norm = float(np.sqrt(c @ reference.xi**2))
     return {
-        "u_T_max": (_largest(own.v - v), _largest(all_v)),
-        "xi_nodes": (
-            float(np.sqrt(one.line.c @ (own.xi - xi) ** 2)),
-            float(np.sqrt(one.line.c @ xi**2)),
-        ),
-        "xi_max": (_largest(own.xi - xi), _largest(all_xi)),
+        "u_T_max": (_largest(solution.v - reference.u_T), reference.max_u_T),
+        "xi_nodes": (xi_error, xi_norm),
+        "xi_max": (_largest(xi_difference), reference.max_xi),
     }
 
 
