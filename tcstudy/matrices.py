@@ -1,11 +1,11 @@
-"""The contact problem for people with their own matrices: checked when it is made, then solved,
-certified, followed.
+"""The contact problem for people with their own matrices: check, solve, certify, follow.
 
-Problem:    find v with ξ = l̃ − Ãv and ξ_i ∈ c_i b̂(v_i), i = 1..m: 0 ∈ ∂L̃(v), L̃(v) = ½vᵀÃv − l̃ᵀv + Σ c_i j(v_i)
+Problem:    find v with ξ = l̃ − Ãv and ξ_i ∈ c_i b̂(v_i), i = 1..m;
+            0 ∈ ∂L̃(v), L̃(v) = ½vᵀÃv − l̃ᵀv + Σ c_i j(v_i)
 Units:      any consistent ones; those named here are of a plane body of unit thickness in SI
 Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), eqs. (20), (21); tcstudy/METHOD.md §3
 
-What is wrong with the data is a `ProblemError` of one line. Left out: sparse Ã (condense it onto
+Faults of the data are raised as a `ProblemError` of one line. Left out: sparse Ã (condense it onto
 the contact nodes).
 """
 
@@ -37,19 +37,19 @@ from tcstudy.scene.solver_plan import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Bran
 __all__ = ["ContactProblem", "all_solutions", "certify", "follow", "law", "solve"]
 
 Array = NDArray[np.float64]
-ASYMMETRY = 1e-10
-"""Largest |Ã_ij − Ã_ji|/√(Ã_ii Ã_jj) that counts as rounding of a condensation; it is averaged
-away."""
+MAX_ASYMMETRY = 1e-10
+"""Largest |Ã_ij − Ã_ji|/√(Ã_ii Ã_jj) that counts as rounding, and is averaged away."""
+MIN_LAW_ERROR = 1e-8
 
 
 def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
-    """A friction law b by its name and parameters, or by its points.
+    """Return a friction law b by its name and parameters, or by its points.
 
         law("slip-weakening", tau_s=2e7, tau_k=5e6, delta=4e-5)
-        law(points=[(0, 2e7), (4e-5, 5e6)])  # straight between them, mirrored to s < 0 (odd=False: not)
+        law(points=[(0, 2e7), (4e-5, 5e6)])  # linear between them, odd in s (odd=False: not)
 
-    Names and parameters are those of a study's section `friction`
-    (configs/howto/laws.md); numbers in consistent units: tractions [Pa], slips [m], stiffness k and slope [Pa/m].
+    Names and parameters are those of a study's section `friction` (configs/howto/laws.md). Numbers
+    are in consistent units: tractions [Pa], slips [m], stiffness k and slope [Pa/m].
 
     Raises ProblemError for an unknown name, a missing or meaningless parameter, or a law that
     violates growth condition (15) or (16) of the paper.
@@ -64,16 +64,16 @@ def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem(PlainProblem):
-    """0 ∈ Ãv − l̃ + ∂Ψ(v), Ψ(v) = Σ c_i j(v_i), for the tangential displacements v of the m contact
-    nodes.
+    """The problem 0 ∈ Ãv − l̃ + ∂Ψ(v), Ψ(v) = Σ c_i j(v_i), for tangential displacements v (m,).
 
     A_tilde: (m, m) symmetric positive definite, stiffness condensed onto the contact nodes [Pa]
     l_tilde: (m,) condensed load [N/m]
     c:       (m,) length of Γ_C that belongs to each node, > 0 [m]
-    law:     friction law b [Pa] of the slip [m], of `tcstudy.law`, or a list of m laws, one a node
+    law:     friction law b [Pa] of the slip [m], of `tcstudy.law`, or a list of m laws, one per
+             node
 
-    The arrays are copied; Ã is symmetrised where it is asymmetric by rounding only. `energy(v)`,
-    `xi(v)`, `inclusion_residual(v)` and `lambda_1` (method §5) are of the problem.
+    The arrays are copied. Ã is symmetrised where it is asymmetric by rounding only. The problem has
+    `energy(v)`, `xi(v)`, `inclusion_residual(v)` and `lambda_1` (method §5).
 
     Raises ProblemError for shapes that do not fit, numbers that are not finite, c ≤ 0, and an
     asymmetric, singular or indefinite Ã.
@@ -83,13 +83,16 @@ class ContactProblem(PlainProblem):
         c = _vector("c", self.c, None)
         if not np.all(c > 0.0):
             i = int(np.argmin(c))
-            raise ProblemError(
-                f"c[{i}] = {c[i]:g} is no length; every node needs a part of the contact line, c > 0"
-            )
-        object.__setattr__(self, "law", _law(self.law, len(c)))
-        checked = {"A_tilde": _stiffness(self.A_tilde, len(c)), "l_tilde": _vector("l_tilde", self.l_tilde, len(c)),
-                   "c": c}  # fmt: skip
-        for name, array in checked.items():
+            remedy = "every node needs a part of the contact line, c > 0"
+            raise ProblemError(f"c[{i}] = {c[i]:g} is no length; {remedy}")
+        m = len(c)
+        object.__setattr__(self, "law", _checked_law(self.law, m))
+        arrays = {
+            "A_tilde": _stiffness(self.A_tilde, m),
+            "l_tilde": _vector("l_tilde", self.l_tilde, m),
+            "c": c,
+        }
+        for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
@@ -106,35 +109,34 @@ def solve(
     branch: Branch = "lowest",
     neighbour: ArrayLike | None = None,
 ) -> Answer:
-    """A solution v of the problem, judged by its inclusion residual max_i dist(ξ_i/c_i,
-    b̂(v_i))/(scale of b), eq. (21).
+    """Return a solution v of the problem, judged by its inclusion residual.
 
-    solver:    "separable-newton" or "bundle-newton"
-    tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding to doubles allows
+    The residual is max_i dist(ξ_i/c_i, b̂(v_i))/(scale of b), eq. (21).
+
+    solver:         "separable-newton" or "bundle-newton"
+    tolerance:      largest inclusion residual, strict; None for 1e-10 or what rounding to doubles
+                    allows
     max_iterations: of bundle-newton alone, None for its own limit
-    branch:    "lowest" (the lowest found from all starts and by a search for less), "continued" (from the neighbour) or
-               "from-zero"
-    neighbour: (m,) solution of a neighbouring problem [m], if there is one
+    branch:         "lowest" (the lowest found from all starts and by a search for less),
+                    "continued" (from the neighbour) or "from-zero"
+    neighbour:      (m,) solution of a neighbouring problem [m], if there is one
 
-    The answer has v [m], xi [N/m], energy [J/m], inclusion_residual, and a status that is
-    Status.CONVERGED or else has a reason: a failure is no exception. Raises ProblemError for
+    The answer has v [m], xi [N/m], energy [J/m], inclusion_residual and status. Its status is
+    Status.CONVERGED, or else it has a reason: a failure is no exception. Raises ProblemError for
     unknown names and a neighbour that does not fit.
     """
-    _one_of("solver", solver, SOLVERS)
-    _one_of("branch", branch, BRANCHES)
+    _check_name("solver", solver, SOLVERS)
+    _check_name("branch", branch, BRANCHES)
     start = None if neighbour is None else _vector("neighbour", neighbour, problem.m)
     if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise ProblemError(
-            f"tolerance = {tolerance!r} must lie between 0 and 1; leave it out for 1e-10"
-        )
+        remedy = "leave it out for 1e-10"
+        raise ProblemError(f"tolerance = {tolerance!r} must lie between 0 and 1; {remedy}")
     if max_iterations is not None and max_iterations < 1:
-        raise ProblemError(
-            f"max_iterations = {max_iterations} leaves nothing to do; give 1 or more"
-        )
+        problem_words = f"max_iterations = {max_iterations} leaves nothing to do"
+        raise ProblemError(f"{problem_words}; give 1 or more")
     if max_iterations is not None and solver == SEPARABLE:
-        raise ProblemError(
-            f"max_iterations is of {BUNDLE} alone; leave it out, or give solver={BUNDLE!r}"
-        )
+        remedy = f"leave it out, or give solver={BUNDLE!r}"
+        raise ProblemError(f"max_iterations is of {BUNDLE} alone; {remedy}")
     return solve_contact(problem, solver, tolerance, max_iterations, branch, start)
 
 
@@ -145,24 +147,21 @@ def all_solutions(
     max_seconds: float = 60.0,
     law_error: float = LAW_ERROR,
 ) -> Equilibria:
-    """Every solution of the problem, stable or not, and whether these are proved to be all
-    (contact/all_solutions.py).
+    """Return every solution of the problem, stable or not, and whether the list is complete.
 
-    max_boxes, max_seconds: where the search for more ends, with what is found so far law_error: of
-    the polygon that stands for a law with exponential pieces, relative to its scale; all is then
-    said of
-               the polygon
+    max_boxes, max_seconds: where the search ends, with the solutions found so far
+    law_error: error of the polygon that stands for a law with exponential pieces, relative to the
+               scale of the law; the list is then of the polygon's solutions
 
     The answer has, lowest energy first, v (S, m) [m], energy (S,) [J/m] and stable (S,), strict
-    local minima; complete, or else a reason and the undecided pieces. Complete, its first is the
-    global minimum. Raises ProblemError for limits that leave nothing to do and a law_error that is
-    none.
+    local minima. It is complete, which is proved (contact/all_solutions.py), or has a reason and
+    the undecided pieces. The first solution of a complete list is the global minimum.
+    Raises ProblemError for limits that leave nothing to do and a law_error out of range.
     """
     if not (max_boxes >= 1 and max_seconds > 0.0):
-        raise ProblemError(
-            f"max_boxes = {max_boxes!r}, max_seconds = {max_seconds!r} leave nothing to do; give more"
-        )
-    if not 1e-8 <= law_error < 1.0:
+        limits = f"max_boxes = {max_boxes!r}, max_seconds = {max_seconds!r}"
+        raise ProblemError(f"{limits} leave nothing to do; give more")
+    if not MIN_LAW_ERROR <= law_error < 1.0:
         raise ProblemError(f"law_error = {law_error!r} must lie between 1e-8 and 1")
     try:
         return known_solutions(problem, Limits(max_boxes, max_seconds), law_error)
@@ -173,16 +172,18 @@ def all_solutions(
 def certify(
     problem: ContactProblem, v: ArrayLike | Answer, tolerance: float | None = None
 ) -> Certificate:
-    """What is proved of a solution v (m,): `unique`, `strict_minimum`, `global_minimum`, with λ₁
-    and ω (method §5).
+    """Return what is proved of a solution v (m,), with λ₁ and ω (method §5).
 
-    A flag that is False means "not certified", not the opposite. Raises ProblemError if v does not
-    fit.
+    Its flags are `unique`, `strict_minimum` and `global_minimum`. A flag that is False means "not
+    certified", not the opposite. Raises ProblemError if v does not fit.
     """
-    at, residual = (
-        (v.v, v.inclusion_residual) if isinstance(v, Answer) else (_vector("v", v, problem.m), None)
-    )
-    return certificates.certify(problem, at, tolerance=tolerance, residual=residual)
+    if isinstance(v, Answer):
+        solution = v.v
+        residual: float | None = v.inclusion_residual
+    else:
+        solution = _vector("v", v, problem.m)
+        residual = None
+    return certificates.certify(problem, solution, tolerance=tolerance, residual=residual)
 
 
 def follow(
@@ -196,107 +197,111 @@ def follow(
     direction: Direction = "both",
     max_pieces: int = 20_000,
 ) -> Path:
-    """The solutions that are connected to v when the load is l̃ + t l_1: a polygon in (v, t),
-    exact, through folds (§7).
+    """Return the solutions connected to v when the load is l̃ + t l_1, an exact polygon in (v, t).
+
+    The path goes through folds (method §7).
 
     l_1:          (m,) load per unit of t [N/m]
     v:            (m,) solution at the parameter t (or the answer of `solve`) [m]
     t_min, t_max: the path ends where t leaves this range
     direction:    "both", "forward" (t grows at the start) or "backward"
+    max_pieces:   the path ends after so many pieces
 
     The path has `t` (k,), `u` (k, m), `traction` (k, m) and `stable` (k−1,) of its vertices and
-    pieces, and says at both ends why it stops. The laws must be piecewise linear. Raises
-    ProblemError if it is not, if v is no solution or t lies outside the range.
+    pieces, and at both ends the reason why it stops. Raises ProblemError if the laws are not
+    piecewise linear, if v is no solution or t lies outside the range.
     """
     start = v.v if isinstance(v, Answer) else _vector("v", v, problem.m)
-    load, per_t = problem.l_tilde, _vector("l_1", l_1, problem.m)
-    span = t_min if np.isfinite(t_min) else t, t_max if np.isfinite(t_max) else t + 1.0
-    along = ParametricProblem(problem.A_tilde, load, per_t, problem.c, problem.law, span)
-    _one_of("direction", direction, ("both", "forward", "backward"))
+    load_per_t = _vector("l_1", l_1, problem.m)
+    first_t = t_min if np.isfinite(t_min) else t
+    last_t = t_max if np.isfinite(t_max) else t + 1.0
+    parametric = ParametricProblem(
+        problem.A_tilde, problem.l_tilde, load_per_t, problem.c, problem.law, (first_t, last_t)
+    )
+    _check_name("direction", direction, ("both", "forward", "backward"))
+    follower = Follower(t_min=t_min, t_max=t_max, max_pieces=max_pieces)
     try:
-        return Follower(t_min=t_min, t_max=t_max, max_pieces=max_pieces).follow(
-            along, start, t, direction
-        )
+        return follower.follow(parametric, start, t, direction)
     except (NoSolutionError, ValueError) as error:
         raise ProblemError(f"no path: {error}") from error
 
 
-def _law(given: object, m: int) -> Laws:
-    """The law, or the laws of the nodes."""
-    if isinstance(given, Laws) and (given.one or np.shape(given.index) == (m,)):
-        return given
-    laws = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else []
-    wrong = next((law for law in laws if not (isinstance(law, Laws) and law.one)), None)
-    if wrong is not None or not laws:
-        kind = type(given if wrong is None else wrong).__name__
-        raise ProblemError(
-            f"law is a {kind}; make it by tcstudy.law(name, …), or give a list of such, one a node"
-        )
+def _checked_law(law: object, m: int) -> Laws:
+    """Return the law, or the laws of the nodes, as one record. Raises ProblemError."""
+    if isinstance(law, Laws) and (law.one or np.shape(law.index) == (m,)):
+        return law
+    laws: list[Any] = []
+    if isinstance(law, Sequence) and not isinstance(law, str):
+        laws = list(law)
+    unfit = [item for item in laws if not (isinstance(item, Laws) and item.one)]
+    if unfit or not laws:
+        kind = type(unfit[0] if unfit else law).__name__
+        remedy = "make it by tcstudy.law(name, …), or give a list of such, one a node"
+        raise ProblemError(f"law is a {kind}; {remedy}")
     if len(laws) != m:
-        raise ProblemError(
-            f"law has {len(laws)} laws, but c has {m} nodes; give one law, or one a node"
-        )
+        problem = f"law has {len(laws)} laws, but c has {m} nodes"
+        raise ProblemError(f"{problem}; give one law, or one a node")
     return nodal(laws, np.arange(m))
 
 
-def _one_of(what: str, name: object, names: Sequence[str]) -> None:
+def _check_name(kind: str, name: object, names: Sequence[str]) -> None:
     if name not in names:
-        raise ProblemError(f"there is no {what} {name!r}; use one of {', '.join(names)}")
+        raise ProblemError(f"there is no {kind} {name!r}; use one of {', '.join(names)}")
 
 
-def _numbers(name: str, given: object, shape: str) -> Array:
-    """A copy as doubles, all finite."""
+def _finite_array(name: str, value: object, shape: str) -> Array:
+    """Return a copy as doubles. Raises ProblemError unless all are finite numbers."""
     try:
-        plain = np.asarray(given)
+        plain = np.asarray(value)
     except ValueError:  # rows of several lengths
         plain = np.asarray(None)
     if plain.dtype.kind not in "biuf":
-        raise ProblemError(
-            f"{name} must be an array {shape} of real numbers, not {type(given).__name__}"
-        )
+        kind = type(value).__name__
+        raise ProblemError(f"{name} must be an array {shape} of real numbers, not {kind}")
     array = plain.astype(float)
-    if not np.all(np.isfinite(array)):
-        where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
-        raise ProblemError(f"{name}[{where}] is not a finite number; look where it is computed")
+    is_finite = np.isfinite(array)
+    if not np.all(is_finite):
+        place = ", ".join(map(str, np.argwhere(~is_finite)[0]))
+        raise ProblemError(f"{name}[{place}] is not a finite number; look where it is computed")
     return array
 
 
-def _vector(name: str, given: object, m: int | None) -> Array:
-    array = _numbers(name, given, "(m,)")
+def _vector(name: str, value: object, m: int | None) -> Array:
+    """Return a copy of a vector (m,); any length but 0 without m. Raises ProblemError."""
+    array = _finite_array(name, value, "(m,)")
     if array.ndim != 1 or not len(array) or m not in (None, len(array)):
-        wanted = f"({m},), one number a contact node" if m else "(m,) with m > 0"
-        raise ProblemError(f"{name} has the shape {array.shape}; it must be {wanted}")
+        shape = f"({m},), one number a contact node" if m else "(m,) with m > 0"
+        raise ProblemError(f"{name} has the shape {array.shape}; it must be {shape}")
     return array
 
 
-def _stiffness(given: object, m: int) -> Array:
-    """Ã, symmetric and positive definite; both judged after scaling its diagonal to 1, so that
-    units do not matter."""
-    A = _numbers("A_tilde", given, "(m, m)")
+def _stiffness(value: object, m: int) -> Array:
+    """Return Ã, symmetric and positive definite. Raises ProblemError.
+
+    Both are judged after its diagonal is scaled to 1, so that units do not matter.
+    """
+    A = _finite_array("A_tilde", value, "(m, m)")
     if A.shape != (m, m):
-        raise ProblemError(
-            f"A_tilde has the shape {A.shape}, but c has {m} nodes; it must be ({m}, {m})"
-        )
+        shape = f"A_tilde has the shape {A.shape}, but c has {m} nodes"
+        raise ProblemError(f"{shape}; it must be ({m}, {m})")
     diagonal = np.diagonal(A)
     if not np.all(diagonal > 0.0):
         i = int(np.argmin(diagonal))
-        raise ProblemError(
-            f"A_tilde[{i}, {i}] = {diagonal[i]:g}: A_tilde is not positive definite; check its sign"
-        )
+        problem = f"A_tilde[{i}, {i}] = {diagonal[i]:g}: A_tilde is not positive definite"
+        raise ProblemError(f"{problem}; check its sign")
     scale = np.sqrt(diagonal)
-    unit = A / scale[:, None] / scale
-    apart = np.abs(unit - unit.T)
-    if np.max(apart) > ASYMMETRY:
-        i, j = divmod(int(np.argmax(apart)), m)
-        raise ProblemError(
-            f"A_tilde is not symmetric: [{i}, {j}] = {A[i, j]:g}, [{j}, {i}] = {A[j, i]:g}; check the condensation"
-        )
+    scaled = A / scale[:, None] / scale
+    asymmetry = np.abs(scaled - scaled.T)
+    if np.max(asymmetry) > MAX_ASYMMETRY:
+        i, j = divmod(int(np.argmax(asymmetry)), m)
+        entries = f"[{i}, {j}] = {A[i, j]:g}, [{j}, {i}] = {A[j, i]:g}"
+        raise ProblemError(f"A_tilde is not symmetric: {entries}; check the condensation")
+    symmetric = 0.5 * (scaled + scaled.T)
     try:
-        scipy.linalg.cholesky(0.5 * (unit + unit.T), lower=True)
+        scipy.linalg.cholesky(symmetric, lower=True)
     except scipy.linalg.LinAlgError:
-        least = float(scipy.linalg.eigvalsh(0.5 * (unit + unit.T), subset_by_index=[0, 0])[0])
-        raise ProblemError(
-            f"A_tilde is not positive definite (least eigenvalue {least:.1e} with its diagonal scaled to 1); the body "
-            "must be held, and the sign be that of a stiffness"
-        ) from None
+        least = float(scipy.linalg.eigvalsh(symmetric, subset_by_index=[0, 0])[0])
+        eigenvalue = f"least eigenvalue {least:.1e} with its diagonal scaled to 1"
+        remedy = "the body must be held, and the sign be that of a stiffness"
+        raise ProblemError(f"A_tilde is not positive definite ({eigenvalue}); {remedy}") from None
     return 0.5 * (A + A.T)

@@ -1,6 +1,6 @@
-"""Derivatives by numbers of a study at the solution of a point, for the variables of `data.schema`.
+"""Sensitivities of a point with respect to parameters, for the variables of `data.schema`.
 
-A point is linearised once at its solution (`contact.solution.Linearised`); a number then costs
+A point is linearised once at its solution (`contact.solution.Linearised`). A parameter then costs
 O(m²).
 """
 
@@ -26,53 +26,67 @@ from tcstudy.scene.records import Scene
 Array = NDArray[np.float64]
 
 Rates = tuple[Array, Array, float]
-"""(m,) derivatives of v and ξ by a number, and that of the mean θ."""
+"""(m,) derivatives of v and ξ by a parameter, and that of the mean θ."""
 
 
 def rates_of(whole: WholeBody, number: Sensitivity, at: Linearised, change: Change) -> Rates:
-    """Derivatives by a number at a solution. Raises KeyError for one that the scene does not
-    have."""
-    right = whole.right_side(change)
+    """Return the derivatives by a parameter at a solution.
+
+    Raises KeyError for a parameter that the scene does not have.
+    """
+    right_side = whole.right_side(change)
     friction = friction_slopes(whole.level, whole.scene, number, at)
-    dv = at.step(right - at.problem.c * friction.b, friction.kinks)
-    return dv, right - at.problem.A_tilde @ dv, change.theta_mean
+    dv = at.step(right_side - at.problem.c * friction.b, friction.kinks)
+    dxi = right_side - at.problem.A_tilde @ dv
+    return dv, dxi, change.theta_mean
 
 
 def derivatives_of(
     level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]
 ) -> dict[str, float]:
-    """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN
-    at an event."""
-    at = Linearised.at(level.condensed(scene).problem, v)
-    verdict = AT_FOLD if at.singular else AT_EVENT if at.events else DIFFERENTIABLE
-    found: dict[str, float] = {SENSITIVITY_STATUS: verdict, SENSITIVITY_EVENTS: at.events}
+    """Return the derivatives at the solution v (m,) of a scene by variable name, with a verdict.
+
+    At an event or a fold there are none.
+    """
+    linearised = Linearised.at(level.condensed(scene).problem, v)
+    verdict = DIFFERENTIABLE
+    if linearised.singular:
+        verdict = AT_FOLD
+    elif linearised.events:
+        verdict = AT_EVENT
+    derivatives: dict[str, float] = {
+        SENSITIVITY_STATUS: verdict,
+        SENSITIVITY_EVENTS: linearised.events,
+    }
     if verdict != DIFFERENTIABLE:
-        return found
+        return derivatives
     whole = WholeBody(level, scene, v)
     for number in numbers:
         try:
             change = change_of(level, scene, number)
-            dv, dxi, theta_mean = rates_of(whole, number, at, change)
-            friction = friction_slopes(level, scene, number, at)
+            dv, dxi, theta_mean = rates_of(whole, number, linearised, change)
+            friction = friction_slopes(level, scene, number, linearised)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
         values = {
-            "u_T_max": _of_largest(v, dv),
+            "u_T_max": _derivative_of_largest(v, dv),
             "friction_resultant": float(dxi.sum()),
             "theta_mean": theta_mean,
             "lambda_1": whole.lambda_1(change),
             "omega": friction.omega,
             "energy": whole.energy(change) + friction.energy,
         }
-        found |= {name_of(quantity, number.name): value for quantity, value in values.items()}
-    return found
+        for quantity, value in values.items():
+            derivatives[name_of(quantity, number.name)] = value
+    return derivatives
 
 
-def _of_largest(v: Array, dv: Array) -> float:
-    """Derivative of max |v|; NaN where several nodes have it and do not agree."""
+def _derivative_of_largest(v: Array, dv: Array) -> float:
+    """Return the derivative of max |v|, NaN where several nodes have it and do not agree."""
     if not len(v):
         return 0.0
     size = np.abs(v)
     change = np.sign(v) * dv
-    own = change[size >= (1.0 - EVENT) * size.max()]
-    return float(own[0]) if np.ptp(own) <= EVENT * np.max(np.abs(change)) else float("nan")
+    of_largest = change[size >= (1.0 - EVENT) * size.max()]
+    agree = np.ptp(of_largest) <= EVENT * np.max(np.abs(change))
+    return float(of_largest[0]) if agree else float("nan")
