@@ -1,6 +1,7 @@
-"""Faults that the user can mend: what is wrong, where, what to do. All are a UserFault, which the
-command line catches once: its text is printed without a traceback, the exit code is 2. And the
-streams that it is printed to.
+"""Faults that the user can mend: what is wrong, where, what to do; and the streams they go to.
+
+All are a UserFault, which the command line catches once. It prints the text without a traceback
+and returns the exit code 2.
 """
 
 from __future__ import annotations
@@ -27,22 +28,29 @@ T = TypeVar("T")
 
 UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 """Unicode categories that print nothing, begin a line or steer a terminal."""
-LONGEST_KEY, LONGEST_PART = 100, 400
-"""Characters that a message shows of a key path or an option, and of each of its halves."""
+MAX_VALUE_SHOWN = 60
+"""Characters that a message shows of a value."""
+MAX_KEY_SHOWN = 100
+"""Characters that a message shows of a key path or an option."""
+MAX_HALF_SHOWN = 400
+"""Characters that a message shows of the problem, and of the remedy."""
 
 
 def printable(text: str) -> str:
-    """The text with escapes such as \\x1b in place of characters that are no sign."""
+    """Return the text with escapes such as \\x1b in place of characters that print nothing."""
     if text.isascii() and text.isprintable():
         return text
-    return "".join(
-        c.encode("unicode_escape").decode() if unicodedata.category(c) in UNSEEN else c
-        for c in text
-    )
+    return "".join(map(_visible_character, text))
 
 
-def shortened(text: str, most: int = 60) -> str:
-    """The text, cut so that a message stays one readable line."""
+def _visible_character(character: str) -> str:
+    if unicodedata.category(character) in UNSEEN:
+        return character.encode("unicode_escape").decode()
+    return character
+
+
+def shortened(text: str, most: int = MAX_VALUE_SHOWN) -> str:
+    """Return the text, cut so that a message stays one readable line."""
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
@@ -91,20 +99,21 @@ SYNONYMS = {
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that means the same as the given one, else the one most like it, if any
-    is."""
-    lowered = {name.lower(): name for name in known}
-    for name in lowered.values():
-        if word.lower() in SYNONYMS.get(name, "").split():
+    """Return the known word that a given one may mean: a synonym, else the most similar."""
+    known_by_lower = {name.lower(): name for name in known}
+    typed = word.lower()
+    for name in known_by_lower.values():
+        if typed in SYNONYMS.get(name, "").split():
             return name
-    near = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.55)
-    longer = (name for name in lowered if name.startswith(f"{word.lower()}_"))
-    meant = near[0] if near else next(longer, None)
-    return lowered[meant] if meant is not None else None
+    similar = difflib.get_close_matches(typed, known_by_lower, n=1, cutoff=0.55)
+    longer = [name for name in known_by_lower if name.startswith(f"{typed}_")]
+    for name in (*similar, *longer):
+        return known_by_lower[name]
+    return None
 
 
 def hint(word: str, known: Iterable[str], otherwise: str) -> str:
-    """Remedy for a word that is not known: the nearest that is, or something else."""
+    """Return the remedy for an unknown word: the nearest known one, or something else."""
     near = nearest(word, known)
     return f"did you mean {near!r}?" if near else otherwise
 
@@ -114,11 +123,14 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
 
 
 def ranged(texts: Sequence[str]) -> str:
-    """Texts that differ in their numbers only as one, with the range of each number."""
-    columns = zip(*map(NUMBER.findall, texts), strict=True)
-    ends = [(min(column, key=float), max(column, key=float)) for column in columns]
-    shown = [low if float(low) == float(high) else f"{low} to {high}" for low, high in ends]
-    return "".join(map("".join, zip(NUMBER.split(texts[0]), [*shown, ""], strict=True)))
+    """Return one text for texts that differ in numbers only, with the range of each number."""
+    ranges = list[str]()
+    for numbers in zip(*map(NUMBER.findall, texts), strict=True):
+        low = min(numbers, key=float)
+        high = max(numbers, key=float)
+        ranges.append(low if float(low) == float(high) else f"{low} to {high}")
+    words_between = NUMBER.split(texts[0])
+    return "".join(map("".join, zip(words_between, [*ranges, ""], strict=True)))
 
 
 @dataclass(frozen=True)
@@ -139,49 +151,58 @@ class Problem:
     remedy: str
 
     def __str__(self) -> str:
-        """The line the user sees: `file:line:column: key: what; remedy`."""
-        file = shortened(self.file, LONGEST_KEY) if self.file.startswith("--set ") else self.file
+        """Return the line the user sees: `file:line:column: key: what; remedy`."""
+        file = self.file
+        if file.startswith(_SET_FILE):
+            file = shortened(file, MAX_KEY_SHOWN)
         place = f"{file}:{self.line}:{self.column}" if self.line else file
-        key = f"{shortened(self.key, LONGEST_KEY)}: " if self.key else ""
-        what, remedy = shortened(self.what, LONGEST_PART), shortened(self.remedy, LONGEST_PART)
+        key = f"{shortened(self.key, MAX_KEY_SHOWN)}: " if self.key else ""
+        what = shortened(self.what, MAX_HALF_SHOWN)
+        remedy = shortened(self.remedy, MAX_HALF_SHOWN)
         return printable(f"{place}: {key}{what}; {remedy}")
 
 
 class StudyWarning(UserWarning):
-    """What one must know of a study or its results before using them; the work goes on, and the
-    file keeps it."""
+    """What one must know of a study or its results before using them.
+
+    The work goes on, and the result file keeps the warning.
+    """
 
 
-def tell(found: Iterable[object]) -> None:
-    """Warn of each, at the line outside this package that asked for the work."""
-    frame, depth = inspect.currentframe(), 1
-    while frame is not None and (frame.f_code.co_filename.startswith(_PACKAGE) or _of_with(frame)):
-        frame, depth = frame.f_back, depth + 1
-    for one in found:
-        warnings.warn(str(one), StudyWarning, stacklevel=depth)
+def tell(remarks: Iterable[object]) -> None:
+    """Warn of each remark, at the line outside this package that asked for the work."""
+    frame = inspect.currentframe()
+    depth = 1
+    while frame is not None and _is_inside(frame):
+        frame = frame.f_back
+        depth += 1
+    for remark in remarks:
+        warnings.warn(str(remark), StudyWarning, stacklevel=depth)
 
 
 _PACKAGE = f"{Path(__file__).parent}{os.sep}"
 
 
-def _of_with(frame: FrameType) -> bool:
-    return frame.f_globals.get("__name__") == "contextlib"
+def _is_inside(frame: FrameType) -> bool:
+    """Return whether a frame is of this package, or of a `with` in it."""
+    is_with = frame.f_globals.get("__name__") == "contextlib"
+    return is_with or frame.f_code.co_filename.startswith(_PACKAGE)
 
 
 class UserFault(Exception):
-    """What the user can mend; the text is one line (or one line for each fault) that says why and
-    what to do.
+    """A fault that the user can mend.
 
-    placed: whether the text says where already; else the command line puts the name of the study before it
+    Its text is one line, or one line for each fault, with the reason and the remedy.
+    placed: whether the text has its place; else the command line puts the name of the study first
     keys:   key path of the value in the study that decides about it, where there is one
     """
 
     placed = False
     keys: tuple[str, ...] | None = None
 
-    def reword(self, words: Callable[[str], str]) -> None:
+    def reword(self, change: Callable[[str], str]) -> None:
         """Replace the text by what a function makes of it."""
-        self.args = tuple(words(part) if isinstance(part, str) else part for part in self.args)
+        self.args = tuple(change(part) if isinstance(part, str) else part for part in self.args)
 
     def _render_traceback_(self) -> list[str]:
         return [f"{type(self).__name__}: {self}"]
@@ -214,7 +235,7 @@ class HistoryError(UserFault):
 
 
 class FitError(UserFault):
-    """Numbers cannot be found from the measurements."""
+    """Parameters cannot be fitted to the measurements."""
 
 
 class DrawError(UserFault):
@@ -222,7 +243,7 @@ class DrawError(UserFault):
 
 
 class PageError(UserFault):
-    """There can be no page."""
+    """A page cannot be made."""
 
 
 class ProblemError(UserFault, ValueError):
@@ -230,8 +251,7 @@ class ProblemError(UserFault, ValueError):
 
 
 class GeometryFailed(UserFault):
-    """The geometry kernel or the mesher could not do what the study asks; the text says what and
-    what to try.
+    """The geometry kernel or the mesher cannot do what the study asks.
 
     keys: key path of the value in the study that decides about it
     """
@@ -242,24 +262,25 @@ class GeometryFailed(UserFault):
 
 
 class StudyError(UserFault):
-    """A study that cannot be run, with all its problems, sorted by line and without duplicates."""
+    """A study that cannot be run, with all its problems by line, without duplicates."""
 
     placed = True
     problems: tuple[Problem, ...]
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         unique = dict.fromkeys(problems)
-        self.problems = tuple(sorted(unique, key=lambda p: (p.line, p.column)))
+        by_place = sorted(unique, key=lambda problem: (problem.line, problem.column))
+        self.problems = tuple(by_place)
         super().__init__(self.problems)
 
-    def reword(self, words: Callable[[str], str]) -> None:
-        """Replace what is said of every problem; a change of the study is its own place."""
+    def reword(self, change: Callable[[str], str]) -> None:
+        """Replace the text of every problem; a changed value is named without its option."""
         self.problems = tuple(
             replace(
                 problem,
                 file=problem.file.removeprefix(_SET_FILE),
-                what=words(problem.what),
-                remedy=words(problem.remedy),
+                what=change(problem.what),
+                remedy=change(problem.remedy),
             )
             for problem in self.problems
         )
@@ -271,7 +292,6 @@ class StudyError(UserFault):
 
 
 # -- faults in the words of Python
-# ------------------------------------------------------
 
 _SET_FILE = "--set "
 _SET = re.compile(r"""--set (['"]?)([\w.\[\]-]+)=(.+?)\1(?=[\s,;)]|$)""")
@@ -280,8 +300,10 @@ _OPTION = re.compile(r"(?<![\w/-])--([a-z]+)( \d+)?")
 
 
 def python_words(text: str) -> str:
-    """Return a message with arguments of Python in place of options of the command line:
-    `study.with_({"path": None})` for --set path=null, force=True for --force."""
+    """Return a message with arguments of Python in place of options of the command line.
+
+    Thus `study.with_({"path": None})` for --set path=null, force=True for --force.
+    """
 
     def change(option: re.Match[str]) -> str:
         key, value = option[2], option[3]
@@ -302,13 +324,15 @@ def python_words(text: str) -> str:
 
 
 def python_door(function: Callable[P, T]) -> Callable[P, T]:
-    """Return a public function whose faults are in the words of Python; others raise the same with
-    options of the command line."""
+    """Return the public function of a function: its faults are in the words of Python.
+
+    Without it they name options of the command line.
+    """
 
     @wraps(function)
-    def door(*given: P.args, **named: P.kwargs) -> T:
+    def door(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
-            return function(*given, **named)
+            return function(*args, **kwargs)
         except UserFault as fault:
             fault.reword(python_words)
             raise
@@ -316,26 +340,29 @@ def python_door(function: Callable[P, T]) -> Callable[P, T]:
     return door
 
 
-_KEPT = re.compile(r"([\n\t])")
+_LAYOUT = re.compile(r"([\n\t])")
 
 
 def visible(text: str) -> str:
-    """The text with all but signs, tabs and newlines as escapes: an escape character becomes the
-    characters \\x1b."""
-    return "".join(part if part in ("\n", "\t") else printable(part) for part in _KEPT.split(text))
+    """Return the text with escapes for all that prints nothing but tabs and newlines.
+
+    An escape character becomes the characters \\x1b.
+    """
+    parts = _LAYOUT.split(text)
+    return "".join(part if part in ("\n", "\t") else printable(part) for part in parts)
 
 
 class Stream:
-    """A text stream, or none, that stops no work: closed, without a reader, on a full disk, or
-    without Greek letters.
+    """A text stream, or none, that stops no work.
 
-    What cannot be written is dropped; `lost` is the first error of writing. Characters that the
-    encoding lacks and control characters, which may come from a title or a stranger's file, are
-    shown as escapes.
+    It may be closed, without a reader, on a full disk, or without Greek letters. Text that cannot
+    be written is dropped; `lost` is the first error of writing. Characters that the encoding lacks
+    and control characters, which may come from a title or a stranger's file, are shown as escapes.
     """
 
     def __init__(self, stream: TextIO | None, controls: bool = False) -> None:
-        self._stream, self._controls = stream, controls
+        self._stream = stream
+        self._controls = controls
         self.lost: Exception | None = None
         if isinstance(stream, io.TextIOWrapper) and not stream.closed:
             stream.reconfigure(errors="backslashreplace")
@@ -354,13 +381,12 @@ class Stream:
         return self._stream is not None and not self._stream.closed and self._stream.isatty()
 
     def raw(self) -> Stream:
-        """The same for a progress bar, which moves the cursor: control characters pass."""
+        """Return the stream for a progress bar, whose control characters move the cursor."""
         return Stream(self._stream, controls=True)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Write to a descriptor of its own for the time of a `with`, while descriptor 1 leads
-        nowhere.
+        """Write to a descriptor of its own in a `with`, while descriptor 1 leads nowhere.
 
         The geometry kernel and the mesher print to descriptor 1, past Python. A stream that is not
         on descriptor 1 stays as it is.
@@ -387,12 +413,14 @@ class Stream:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _do(self, what: str, *given: str) -> None:
-        """From the first error on nothing is written; what the stream still holds must not fail
-        when Python ends."""
+    def _do(self, method: str, *args: str) -> None:
+        """Call a method of the stream; from the first error on nothing is written.
+
+        Text that the stream still holds must not fail when Python ends.
+        """
         try:
             if self._stream is not None:
-                getattr(self._stream, what)(*given)
+                getattr(self._stream, method)(*args)
         except (OSError, ValueError) as error:  # ValueError: the stream was closed
             self.lost = self.lost or error
             with suppress(OSError, ValueError, AttributeError):
@@ -428,13 +456,8 @@ def _flush_c_streams() -> None:
 
 @contextmanager
 def guarded_streams() -> Iterator[Stream]:
-    """Standard output and error as such streams for the time of a `with`; gives that of standard
-    output."""
-    while (lowest_free := os.open(os.devnull, os.O_RDWR)) < 3:
-        # of 0, 1, 2 those that are closed lead nowhere: a result file must not become someone's
-        # standard error
-        pass
-    os.close(lowest_free)
+    """Guard standard output and error for the time of a `with`; give the guarded output."""
+    _fill_standard_descriptors()
     with redirect_stdout(Stream(sys.stdout)) as out, redirect_stderr(Stream(sys.stderr)) as err:
         try:
             yield out
@@ -443,10 +466,21 @@ def guarded_streams() -> Iterator[Stream]:
             err.flush()
 
 
+def _fill_standard_descriptors() -> None:
+    """Let those of descriptors 0, 1, 2 that are closed lead nowhere.
+
+    Else a result file could become the standard error of a library.
+    """
+    lowest_free = os.open(os.devnull, os.O_RDWR)
+    while lowest_free < 3:
+        lowest_free = os.open(os.devnull, os.O_RDWR)
+    os.close(lowest_free)
+
+
 def is_lost(out: Stream) -> bool:
-    """Whether output was lost that someone still wanted: not when its reader had enough, as `head`
-    does."""
-    return out.lost is not None and getattr(out.lost, "errno", None) not in (
-        errno.EPIPE,
-        errno.ESHUTDOWN,
-    )
+    """Return whether output was lost that a reader still wanted.
+
+    A reader such as `head` ends when it has enough.
+    """
+    code = getattr(out.lost, "errno", None)
+    return out.lost is not None and code not in (errno.EPIPE, errno.ESHUTDOWN)

@@ -1,8 +1,8 @@
-"""Results, as `tcstudy` offers them: a file as a record that a notebook shows; open, draw, report,
-export.
+"""Results, as `tcstudy` offers them: a file as a record that a notebook shows, and what to do with it.
 
-Every function takes a Result or the name of a file that run, converge or cost wrote. What the user
-can mend is a kind of tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
+Every function takes a Result or the name of a file that run, converge or cost wrote: open, draw,
+report, export. Faults of the user are raised as a kind of tcstudy.UserFault. Left out: making
+result files (`tcstudy.api`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tcstudy.errors import (
     GeometryFailed,
     StoreError,
     UsageError,
-    nearest,
+    hint,
     python_door,
     tell,
 )
@@ -39,18 +39,19 @@ if TYPE_CHECKING:
     from tcstudy.scene.study import Study
 
 MOST_CACHED = 2**31
-"""Bytes of the results that a notebook keeps without a name; beyond it the oldest go."""
+"""Bytes of results without a name that are kept; beyond it the oldest are removed."""
 
 
 class Result:
-    """What `run`, `converge` or `cost` found: a result file, and its data at the first look.
+    """The results of `run`, `converge` or `cost`: a file, and its data once they are asked for.
 
         result["slip_length"].sel(alpha=100)     # a variable is an xarray.DataArray
         result["level_1"]["u_T"]                 # a group is an xarray.DataTree, as result.tree is
         result.summary, result.to_dataframe(), result.draw(), result.save("results/mine.nc")
 
-    file:   the netCDF file;  note: what was computed now, and why; empty if the file held everything
-    warned: whether the warnings that the file keeps were given already
+    file:   the netCDF file
+    note:   what was computed now, and why; empty if the file held everything
+    warned: whether the warnings of the file were issued already
     """
 
     def __init__(self, file: FilePath, note: str = "", *, warned: bool = False) -> None:
@@ -61,7 +62,7 @@ class Result:
 
     @cached_property
     def tree(self) -> xarray.DataTree:
-        """All data, loaded into memory: a run has its results at the root and a group a level."""
+        """All data, in memory: of a run the results at the root, and a group per level."""
         with _open_tree(self.file) as tree:
             return tree.load()
 
@@ -78,32 +79,31 @@ class Result:
         return len(self.tree)
 
     def __getitem__(self, name: str) -> Any:
-        """A variable or a group, which alone is loaded into memory."""
-        if name in self._items:
-            return self._items[name]
-        with _open_tree(self.file) as tree:
-            try:
-                item = tree[name].load()
-            except KeyError:
-                names = [str(name) for name in (*tree.variables, *tree.children)]
-                near = nearest(str(name), names)
-                meant = f"; did you mean {near!r}?" if near else f"; it has {', '.join(names)}"
-                raise KeyError(f"the result has no {name!r}{meant}") from None
-        self._items[name] = item
-        return item
+        """Return a variable or a group, which alone is loaded into memory.
+
+        Raises KeyError where there is none.
+        """
+        if name not in self._items:
+            with _open_tree(self.file) as tree:
+                try:
+                    self._items[name] = tree[name].load()
+                except KeyError:
+                    names = [str(known) for known in (*tree.variables, *tree.children)]
+                    remedy = hint(str(name), names, f"it has {', '.join(names)}")
+                    raise KeyError(f"the result has no {name!r}; {remedy}") from None
+        return self._items[name]
 
     def __contains__(self, name: str) -> bool:
         return name in self.tree
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # what libraries ask of anything, for which no file is read
+        if name.startswith("_"):  # libraries ask any object for such names: no file is read
             raise AttributeError(name)
         return getattr(self.tree, name)
 
     @property
     def summary(self) -> str:
-        """The labelled lines that the terminal and the page begin with: answer, trust, accuracy,
-        and how much is solved."""
+        """The labelled lines of terminal and page: answer, trust, accuracy, how much is solved."""
         from tcstudy.data.files import reading
         from tcstudy.reports.terminal.summary import verdict_of
         from tcstudy.reports.text import labelled
@@ -112,22 +112,30 @@ class Result:
             return labelled(verdict_of(self.file).lines)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to
-        CSV; SI units."""
+        """Return one row per point and level, as `export` writes it to CSV, in SI units.
+
+        Of a path there is one row per vertex, of a fit one per datum.
+        """
         from tcstudy.data.files import kind_from
         from tcstudy.reports.export import ROWS
 
         data = self.tree.to_dataset()
-        dims = data["status"].dims if "status" in data else (ROWS[kind_from(data.attrs)],)
-        names = [
-            name for name, one in data.data_vars.items() if one.dims and set(one.dims) <= set(dims)
-        ]
-        return data[names].to_dataframe(dim_order=list(dims)).reset_index()
+        if "status" in data:
+            row_dims = list(data["status"].dims)
+        else:
+            row_dims = [ROWS[kind_from(data.attrs)]]
+        names = list[Any]()
+        for name, variable in data.data_vars.items():
+            if variable.dims and set(variable.dims) <= set(row_dims):
+                names.append(name)
+        return data[names].to_dataframe(dim_order=row_dims).reset_index()
 
     @python_door
     def save(self, target: str | FilePath, force: bool = False) -> Result:
-        """Copy the file under a name of your choice. Raises StoreError where there is another,
-        unless force."""
+        """Copy the file under a name of your choice, and return the result of that name.
+
+        Raises StoreError where another file has the name, unless `force`.
+        """
         import shutil
 
         from tcstudy.data.files import check_writable, replace_file
@@ -143,62 +151,64 @@ class Result:
         with Journal.open(target) as lock:
             is_other = target.exists() and target.read_bytes() != self.file.read_bytes()
             if is_other and not force:
-                raise StoreError(
-                    f"{target} is there already; give another name, or force=True to replace it"
-                )
+                remedy = "give another name, or force=True to replace it"
+                raise StoreError(f"{target} is there already; {remedy}")
             replace_file(target, copy, sealed=False, seen=None if force else lock.seen)
         return Result(target, self.note, warned=self.warned)
 
-    def draw(self, target: str | FilePath | None = None, **wanted: Any) -> FilePath | Figure:
-        """`tcstudy.draw` of this file."""
-        return draw(self, target, **wanted)
+    def draw(self, target: str | FilePath | None = None, **options: Any) -> FilePath | Figure:
+        """Draw this file as `tcstudy.draw` does."""
+        return draw(self, target, **options)
 
     def report(self, target: str | FilePath | None = None) -> FilePath:
-        """`tcstudy.report` of this file."""
+        """Make the page of this file as `tcstudy.report` does."""
         return report(self, target)
 
     def __repr__(self) -> str:
-        return f"{self.summary}\n{self.file}" + (f" ({self.note})" if self.note else "")
+        return f"{self.summary}\n{self._place}"
+
+    @property
+    def _place(self) -> str:
+        return f"{self.file} ({self.note})" if self.note else str(self.file)
 
     def _repr_html_(self) -> str:
-        """The answer, a picture, and the tables of the terminal behind a click."""
+        """Return the answer, a picture, and the tables of the terminal behind a click."""
         from tcstudy.reports.terminal.summary import text_of
 
-        picture = picture_html(self)
-        first = html.escape(self.summary)
-        below = html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
+        answer = html.escape(self.summary)
+        place = html.escape(self._place)
         tables = html.escape(text_of(self.file))
-        details = f"<details><summary>{below}</summary><pre>{tables}</pre></details>"
-        return f"<pre><b>{first}</b></pre>{picture}{details}"
+        details = f"<details><summary>{place}</summary><pre>{tables}</pre></details>"
+        return f"<pre><b>{answer}</b></pre>{picture_html(self)}{details}"
 
 
-def picture_html(of: Result | Study) -> str:
-    """Its usual picture within a page; nothing where there is none to draw."""
+def picture_html(subject: Result | Study) -> str:
+    """Return the usual picture of results or of a study within a page; empty if it has none."""
     try:
-        figure: Any = draw(of)
+        figure: Any = draw(subject)
     except (DrawError, GeometryFailed):
         return ""
     png = base64.b64encode(figure._repr_png_()).decode()
     return f'<img style="max-width: 100%" src="data:image/png;base64,{png}">'
 
 
-def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
-    """The file in which results without a name are kept: $TCSTUDY_CACHE, or tcstudy in the user's
-    cache folder.
+def cached(kind: Kind, study: Study, **attributes: object) -> FilePath:
+    """Return the file that keeps results without a name.
 
-    Its name has all that decides them: study, options, and versions of the program and its
-    libraries. A file of that name that does not hold them, for example a damaged one, is removed.
+    It is in $TCSTUDY_CACHE, or in tcstudy in the user's cache folder. Its name has all that decides
+    the results: study, options, and versions of the program and its libraries. A file of that name
+    with other contents, for example a damaged one, is removed.
+    attributes: those of the file that decide its results beside the study
     """
     from tcstudy.data.files import program, study_sha256
 
-    key = sha256(
-        repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()
-    ).hexdigest()
+    decisive = (kind, study_sha256(study), sorted(attributes.items()), program())
+    key = sha256(repr(decisive).encode()).hexdigest()
     stem = study.source.stem if study.source is not None else "study"
     name = f"{stem}-{kind}-{key[:16]}.nc"
     target = cache_folder() / name
     try:
-        _remove_damaged(target, kind, study, asked)
+        _remove_damaged(target, kind, study, attributes)
     except (OSError, StoreError) as error:
         tell([_KEPT_NOWHERE.format(reason=getattr(error, "strerror", None) or error)])
         target = FilePath(_temporary_folder().name) / name
@@ -206,23 +216,24 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
 
 
 def _remove_damaged(
-    target: FilePath, kind: Kind, study: Study, asked: Mapping[str, object]
+    target: FilePath, kind: Kind, study: Study, attributes: Mapping[str, object]
 ) -> None:
-    """Remove a file of the cache that does not hold what its name says. Raises OSError."""
+    """Remove a file of the cache whose contents do not fit its name. Raises OSError."""
     from tcstudy.data.files import holds
 
     def is_damaged() -> bool:
         try:
-            return target.exists() and not holds(target, kind, study, **asked)
+            return target.exists() and not holds(target, kind, study, **attributes)
         except StoreError:
             return True
 
-    if is_damaged():
-        from tcstudy.data.records import Journal
+    if not is_damaged():
+        return
+    from tcstudy.data.records import Journal
 
-        with Journal.open(target, wait=True):
-            if is_damaged():
-                target.unlink(missing_ok=True)
+    with Journal.open(target, wait=True):
+        if is_damaged():  # still, now that no other process writes it
+            target.unlink(missing_ok=True)
 
 
 _KEPT_NOWHERE = (
@@ -267,8 +278,7 @@ def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
 
 
 def why_again(target: FilePath, study: Study) -> str:
-    """Why a file in the cache is computed: what differs from the study whose results came last
-    under its name."""
+    """Return why a file of the cache is computed: its changes since the last of the same study."""
     from tcstudy.data.files import attributes
     from tcstudy.read.document import changes
 
@@ -286,10 +296,10 @@ def why_again(target: FilePath, study: Study) -> str:
 def prune(folder: FilePath) -> None:
     """Remove the oldest results of the cache, down to MOST_CACHED bytes; files of others stay."""
     total = 0
-    for number, file in enumerate(_own_files(folder, "*")):
+    for place, file in enumerate(_own_files(folder, "*")):
         with suppress(OSError):  # another process may have removed it
             total += file.stat().st_size
-            if total > MOST_CACHED and number > 0:
+            if total > MOST_CACHED and place > 0:
                 file.unlink(missing_ok=True)
 
 
@@ -309,14 +319,13 @@ def _own_files(folder: FilePath, pattern: str) -> list[FilePath]:
     return sorted(times, key=lambda file: -times[file])
 
 
-def _file(of: Result | str | FilePath) -> FilePath:
-    return of.file if isinstance(of, Result) else FilePath(of)
+def _path_of(result: Result | str | FilePath) -> FilePath:
+    return result.file if isinstance(result, Result) else FilePath(result)
 
 
 @python_door
 def open_results(path: str | FilePath) -> Result:
-    """Return what `run` returns of a result file of any kind; its data are read when they are asked
-    for.
+    """Return the result of a file of any kind, whose data are read when they are asked for.
 
     Raises StoreError if there is none or its run has not finished.
     """
@@ -331,28 +340,30 @@ def _open_tree(path: FilePath) -> xarray.DataTree:
     return open_tree(path)
 
 
-def _warn_of(of: Result | str | FilePath) -> None:
-    """Warn of what a file keeps, of a result once: `run` has done it for what it returns."""
-    if isinstance(of, Result):
-        if of.warned:
+def _warn_of(result: Result | str | FilePath) -> None:
+    """Issue the warnings of a file, of a result once; `run` has issued those of its own."""
+    if isinstance(result, Result):
+        if result.warned:
             return
-        of.warned = True
+        result.warned = True
     from tcstudy.data.files import tell_stored
 
-    tell_stored(_file(of))
+    tell_stored(_path_of(result))
 
 
 @python_door
 def open_geometry(
     file: Result | str | FilePath, /, level: int = -1, **labels: Any
 ) -> xarray.Dataset:
-    """Return one mesh level of one geometry of a run's file, or of the one body that it has.
+    """Return one mesh level of one geometry of a run's file.
 
         body = tcstudy.open_geometry("results/plate.nc", radius="5 mm")
         body["u_T"], body["triangle"]            # at its own points and nodes, numbered from 0
 
-    level: −1 is the finest;  labels: of swept parameters, which points of one geometry have
-    The data have all points of the geometry, their labels as coordinates, and as attributes those
+    level:  −1 is the finest
+    labels: of swept parameters, which points of one geometry have
+
+    The data have all points of the geometry, with their labels as coordinates. Attributes are those
     of the file, with the options that make its study. Nothing stays open.
     Raises StoreError, DrawError where no point has these labels, UsageError where points of several
     geometries do.
@@ -360,59 +371,66 @@ def open_geometry(
     from tcstudy.reports.select_point import load_geometry
 
     _warn_of(file)
-    return load_geometry(_file(file), labels, level)
+    return load_geometry(_path_of(file), labels, level)
 
 
 @python_door
 def draw(
-    file: Result | Study | str | FilePath, target: str | FilePath | None = None, **wanted: Any
+    file: Result | Study | str | FilePath, target: str | FilePath | None = None, **options: Any
 ) -> FilePath | Figure:
-    """Draw a result file of any kind, or the scene of a study before any work, into a .png, .svg or
-    .pdf file and return its name, or without a name return the figure, which a notebook shows.
-    Needs matplotlib.
+    """Draw a result file of any kind, or the scene of a study before any work.
 
-    at:       of a run or its convergence: the point by its labels, {"alpha": 100}; of a run that of
-              the largest slip unless named, else the first
-    level:    of a run: mesh level, −1 or nothing for the finest
-    y:        of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
-    size:     "8x10cm" or (width, height) [inch]
-    ax, panel: draw one panel into axes of a figure of your own, the first or that of the name; returns that figure.
-              `ax.legend()` says what its lines are
+    target: a .png, .svg or .pdf file, whose name is returned; without one the figure is returned,
+            which a notebook shows
 
-    of:       of the body of a point, in place of θ: u_x, u_y, sigma_x, sigma_y, tau_xy, von_mises, sigma_1 or sigma_2
-    deform:   how many times as large as they are its displacements are drawn; a round number that suits unless given
-    along:    a line, ((0, 0.005), (0.2, 0.005)) or "0 mm, 5 mm: 200 mm, 5 mm": profiles of displacement, temperature
-              and stresses along it, or of the field `of`, in place of the body
+    Of any file:
+    at:     of a run or its convergence: the point by its labels, {"alpha": 100}; unless named, of a
+            run that of the largest slip, else the first
+    level:  of a run: mesh level, −1 or nothing for the finest
+    y:      of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
+    size:   "8x10cm" or (width, height) [inch]
+    ax:     draw one panel into axes of a figure of your own, and return that figure;
+            `ax.legend()` names its lines
+    panel:  the panel that `ax` gets, the first unless named
+
+    Of the body of a point:
+    of:     in place of θ: u_x, u_y, sigma_x, sigma_y, tau_xy, von_mises, sigma_1 or sigma_2
+    deform: magnification of its displacements; a round number that suits unless given
+    along:  a line, ((0, 0.005), (0.2, 0.005)) or "0 mm, 5 mm: 200 mm, 5 mm": profiles along it of
+            displacement, temperature and stresses, or of the field `of`, in place of the body
 
     Of a run, in place of a point:
-    x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`
-    map, of:   a map of the number `of` over two parameters, map=("alpha", "theta_bar")
-    law:       the friction law of a point with all its nodes on it
+    x, y, by: curves of the variable y ("slip_length") over the parameter x, one for each value of
+              the parameter `by`
+    map, of:  a map of the variable `of` over two parameters, map=("alpha", "theta_bar")
+    law:      the friction law of a point with all its nodes on it
 
     Parameters that are not drawn have the value that `at` gives them, the first unless named.
-    Raises StoreError, DrawError, UsageError.
+    Needs matplotlib. Raises StoreError, DrawError, UsageError.
     """
     from tcstudy.pictures import draw_picture, is_study_file
 
-    if wanted.get("ax") is not None and target is not None:
+    if options.get("ax") is not None and target is not None:
         raise UsageError("ax: your own figure saves itself; leave the file name out")
-    subject = _file(file) if isinstance(file, Result | str | FilePath) else file
-    figure: Figure = draw_picture(subject, None if target is None else FilePath(target), **wanted)
-    if isinstance(file, Result | str | FilePath) and not is_study_file(_file(file)):
+    subject = _path_of(file) if isinstance(file, Result | str | FilePath) else file
+    figure: Figure = draw_picture(subject, None if target is None else FilePath(target), **options)
+    if isinstance(file, Result | str | FilePath) and not is_study_file(_path_of(file)):
         _warn_of(file)
     return figure if target is None else FilePath(target)
 
 
 @python_door
 def report(file: Result | str | FilePath, target: str | FilePath | None = None) -> FilePath:
-    """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
+    """Make one HTML page of a result file of any kind, and return its name.
+
+    target: the page, FILE.html unless named
 
     Raises StoreError, PageError.
     """
     from tcstudy.reports.page.write import write_page
 
-    page = FilePath(target) if target is not None else _file(file).with_suffix(".html")
-    written = write_page(_file(file), page)
+    page = FilePath(target) if target is not None else _path_of(file).with_suffix(".html")
+    written = write_page(_path_of(file), page)
     _warn_of(file)
     return written.path
 
@@ -426,11 +444,12 @@ def export(
     at: Mapping[str, Any] | None = None,
     level: int | None = None,
 ) -> FilePath:
-    """Write a result file for other programs; returns the PVD or the table.
+    """Write a result file for other programs, and return the PVD or the table.
 
-    form:   "vtu" (fields of a run, for ParaView), "csv" or "json" (a row a point and level)
+    form:   "vtu" (fields of a run, for ParaView), "csv" or "json" (one row per point and level)
     target: the folder of the fields, or the table; beside the file unless named
-    at:     only points with these labels, {"alpha": 100};  level: of the fields, the finest unless named
+    at:     only points with these labels, {"alpha": 100}
+    level:  of the fields, the finest unless named
 
     Raises StoreError, DrawError (no such point), UsageError.
     """
@@ -440,5 +459,5 @@ def export(
         raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
     _warn_of(file)
     name = None if target is None else FilePath(target)
-    path, _ = write_form(_file(file), form, name, at, level)
+    path, _ = write_form(_path_of(file), form, name, at, level)
     return path

@@ -100,12 +100,9 @@ def orders_to_expect(
     sticks = solution.sticks
     has_front = solution.ok and 0 < int(np.count_nonzero(sticks)) < len(sticks)
     if study.exact is not None:
-        beside_held = _notable_beside_held(finest, solution)
-        slips_there = bool(beside_held.any() and (beside_held & ~sticks).any())
-        sticks_there = bool(beside_held.any() and (beside_held & sticks).any())
-        return expected_orders(
-            smooth_up_to(study.exact.exponent, slips_there, sticks_there, has_front)
-        )
+        slips_there, sticks_there = _states_beside_held(finest, solution)
+        limits = smooth_up_to(study.exact.exponent, slips_there, sticks_there, has_front)
+        return expected_orders(limits)
     line = finest.line
     edges = [line.edge_names[e] for e in line.edge] if solution.ok else ()
     sticks_near = sticking_near(edges, line.xy, sticks)
@@ -117,16 +114,18 @@ def orders_to_expect(
     return expected_orders(limits, analysed=is_analysed)
 
 
-def _notable_beside_held(level: SolvedLevel, solution: Solution) -> Mask:
-    """Return (m,) contact nodes beside a constrained one that carry a notable ξ.
+def _states_beside_held(level: SolvedLevel, solution: Solution) -> tuple[bool, bool]:
+    """Return whether nodes beside a constrained one slip, and whether some stick.
 
     Where ξ is next to nothing, the constrained neighbour makes no difference.
     """
-    beside_held = level.next_to_held & solution.ok
-    if solution.ok:
-        xi = np.abs(solution.xi)
-        beside_held &= xi > NOTABLE_XI * np.max(xi, initial=0.0)
-    return beside_held
+    if not solution.ok:
+        return False, False
+    xi = np.abs(solution.xi)
+    is_notable = level.next_to_held & (xi > NOTABLE_XI * np.max(xi, initial=0.0))
+    slips_there = bool(is_notable[~solution.sticks].any())
+    sticks_there = bool(is_notable[solution.sticks].any())
+    return slips_there, sticks_there
 
 
 def own_error(order: float) -> float:
