@@ -117,14 +117,14 @@ def test_a_reference_has_ten_times_the_unknowns_and_two_at_least(
 
 
 def test_other_solvers_run_only_where_they_are_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And no run of a walk keeps what the page needs of a live point."""
+    """A walk keeps the fields that errors need, and no data of live points."""
     asked = list[tuple[str, int]]()
-    is_live = list[bool]()
+    outputs = list[tuple[bool, bool]]()
     stage = SimpleNamespace(level=object(), times=Times(), stop=lambda: "", blocks=[None])
     solution = SimpleNamespace(numbers={"time_solve": 1.0})
 
     def stages(study: Any) -> Iterator[Any]:
-        is_live.append(study.output.live)
+        outputs.append((study.output.fields, study.output.live))
         yield from (stage, stage)
 
     def solve(study: Any, level: object, place: int) -> None:
@@ -140,7 +140,7 @@ def test_other_solvers_run_only_where_they_are_wanted(monkeypatch: pytest.Monkey
     assert asked == []
     assert [len(times) for _, times in walk(study, plan, lambda name, i: i == 1)] == [1, 2]
     assert asked == [(SOLVERS[1], 0)]
-    assert is_live == [False, False]
+    assert outputs == [(True, False), (True, False)]
 
 
 def test_families_are_timed_again_without_their_guarantee(monkeypatch: pytest.MonkeyPatch) -> None:
