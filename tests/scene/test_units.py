@@ -56,6 +56,78 @@ def test_refused(text: str, dimension: units.Dimension, message: str, remedy: st
     assert remedy in info.value.args[1]
 
 
+@pytest.mark.parametrize(
+    ("text", "fault", "remedy"),
+    [
+        ("210,000 MPa", "may stand for thousands or for", "write 210000 MPa or 210.000 MPa"),
+        ("1,5 mm", "has a decimal comma", "write a decimal point: 1.5 mm"),
+        (",5 mm", "has a decimal comma", "write a decimal point: 0.5 mm"),
+        ("0,125 m", "has a decimal comma", "write a decimal point: 0.125 m"),
+        ("1.234.567 Pa", "has marks between its digits", "write 1234567 Pa"),
+        ("1.250,5 m", "has marks between its digits", "write 1250.5 m"),
+        ("-1,234,567.5 Pa", "has marks between its digits", "write -1234567.5 Pa"),
+        ("12'000 N", "has marks between its digits", "write 12000 N"),
+    ],
+)
+def test_marks_between_digits(text: str, fault: str, remedy: str) -> None:
+    marked = units.marked_number(text)
+    assert marked is not None
+    assert fault in marked[0]
+    assert marked[1] == remedy
+
+
+def test_plain_numbers_have_no_marks() -> None:
+    for text in ("12 mm", "1.000 m", "210.000 MPa", "1e-3", "2*x", "[1, 2]"):
+        assert units.marked_number(text) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "size"),
+    [
+        (["1 mm", "20 mm", 0], "mm", 1e-3),
+        (["1 um"], "µm", 1e-6),
+        (["2 inch"], "inch", 0.0254),
+        (["1 mm", "1 m"], "m", 1.0),
+        ([0], "m", 1.0),
+        (["5 zork"], "m", 1.0),  # its reader refuses it
+    ],
+)
+def test_common_unit_of_numbers(values: list[object], unit: str, size: float) -> None:
+    assert units.common_unit(values, units.LENGTH) == (unit, size)
+
+
+def test_temperatures_are_differences_in_any_prefix() -> None:
+    assert to_si("5", "mK", units.TEMPERATURE) == 5e-3
+    assert to_si("5", "delta_degC", units.TEMPERATURE) == 5.0
+
+
+NAMED = {"L": units.Named(0.2, units.LENGTH), "F": units.Named(3.0, units.LINE_FORCE)}
+
+
+def test_expressions_with_names_that_have_units() -> None:
+    length = units.expression_of("2*L", NAMED, units.LENGTH)
+    assert length.evaluate(0.0, 0.0) == 0.4
+    assert units.expression_of("F/L", NAMED, units.TRACTION).evaluate(0.0, 0.0) == 3.0 / 0.2
+    assert units.expression_of("L/L", NAMED, units.LENGTH).evaluate(0.0, 0.0) == 1.0
+    # coordinates leave the dimension open
+    assert units.expression_of("L*x", NAMED, units.TRACTION).evaluate(2.0, 0.0) == 0.4
+    # a study without units has no dimensions
+    assert units.expression_of("L+F", {**NAMED, "F": NAMED["L"]}, None).evaluate(0.0, 0.0) == 0.4
+    assert units.units_of(units.parse("L*x", ("L",)), NAMED) is None
+    assert units.in_words(units.units_of(units.parse("L*L", ("L",)), NAMED)) == "length^2"
+    assert units.in_words(units.units_of(units.parse("L/L", ("L",)), NAMED)) == "a plain number"
+
+
+def test_expressions_whose_units_do_not_fit() -> None:
+    with pytest.raises(UnitError) as info:
+        units.expression_of("2*L", NAMED, units.TRACTION)
+    assert info.value.args[0] == "'2*L' is length, not a stress (Pa)"
+    with pytest.raises(UnitError) as info:
+        units.expression_of("L + F", NAMED, units.LENGTH)
+    assert info.value.args[0] == "has length where it needs mass time^-2"
+    assert "give all terms the same unit" in info.value.args[1]
+
+
 def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
     code = "import sys, tcstudy.read.study; print({'ngsolve', 'xarray', 'pint', 'scipy'} & {*sys.modules})"
     result = subprocess.run(
