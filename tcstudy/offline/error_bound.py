@@ -10,8 +10,8 @@ so that with k = 1 − w/λ_low > 0
     ‖u − u_h‖ ≤ (η + √(η² + 4kM))/2k.
 Springs add their energy to a, and that of w − u_h to η². τ is that of the contact problem on the
 equilibrium elements, whose ξ* lies in b̂ at the Gauss points, and the best of some w is taken; any
-would do. Where the temperature is computed, η grows by the bound T of its error (heat_bound.py): with
-ε = θ − θ_h the first integral gains ∫βε tr ε(e) ≤ ‖ε‖_ρ‖e‖, as c⁻¹I:I = 1/(λ + μ).
+would do. Where the temperature is computed, η grows by the bound T of its error (heat_bound.py):
+with ε = θ − θ_h the first integral gains ∫βε tr ε(e) ≤ ‖ε‖_ρ‖e‖, as c⁻¹I:I = 1/(λ + μ).
 
 η:        on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so
           that nothing cancels in η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²

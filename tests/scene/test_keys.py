@@ -2,8 +2,7 @@
 
 from dataclasses import fields
 
-from tcstudy.read.loads import OF_PATH
-from tcstudy.read.plans import OF_MESH
+from tcstudy.read import loads, plans
 from tcstudy.scene.keys import ROLES, ROWS, rows
 from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.path_plan import PathPlan
@@ -20,5 +19,8 @@ def test_every_key_is_once_in_its_section_and_every_role_has_its_record() -> Non
 
 
 def test_no_key_of_the_meshes_or_a_path_is_accepted_and_ignored() -> None:
-    for section, plan, judged in (("mesh", MeshPlan, OF_MESH), ("path", PathPlan, OF_PATH)):
-        assert {*rows(section)} - {*judged} <= {field.name for field in fields(plan)}
+    for section, plan, dependent_keys in (
+        ("mesh", MeshPlan, plans.DEPENDENT_KEYS),
+        ("path", PathPlan, loads.DEPENDENT_KEYS),
+    ):
+        assert {*rows(section)} - {*dependent_keys} <= {field.name for field in fields(plan)}

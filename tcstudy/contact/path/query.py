@@ -49,7 +49,7 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 MAX_CARRIED_RESIDUAL = 1e-9
-"""Largest residual with which a solution of the straight pieces has led to one of the law itself."""
+"""Largest residual of a solution of the law itself that one of straight pieces has led to."""
 
 
 def folds(path: Path, least: float) -> Index:

@@ -259,7 +259,7 @@ class Walk:
         self.x[nodes] = np.where(high - x < x - low, high, low)
 
     def reach(self) -> tuple[float, int]:
-        """Return the step to the first bound and the coordinate that has it; inf if none is there."""
+        """Return the step to the first bound, inf without one, and the coordinate that has it."""
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.maximum((self.high - self.x) / self.dx, (self.low - self.x) / self.dx)
         first = int(steps.argmin())
