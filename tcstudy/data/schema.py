@@ -362,7 +362,7 @@ _BODY = "of the body itself, not of the mesh"
 _PROVED = ("not_proved", "proved")
 _UNIQUE = "omega < lambda_1_low: the problem itself, not its discretisation, has one solution"
 _BOUND = "over the norm of the body's solution, no less; missing where that may be 0"
-GUARANTEED: tuple[FileVariable, ...] = (
+BAND: tuple[FileVariable, ...] = (
     result("lambda_1_low", "Pa m-1", "lower bound of lambda_1 of the body", _BODY),
     result("lambda_1_high", "Pa m-1", "upper bound of lambda_1 of the body", _BODY),
     result(
@@ -372,6 +372,9 @@ GUARANTEED: tuple[FileVariable, ...] = (
         "nearer to the body than that of the mesh",
     ),
     flag("proved_unique", "only solution of the body", _PROVED, comment=_UNIQUE),
+)
+"""Variables of λ₁ of the body."""
+BOUNDS: tuple[FileVariable, ...] = (
     result(
         "error_bound",
         "J0.5 m-0.5",
@@ -380,7 +383,7 @@ GUARANTEED: tuple[FileVariable, ...] = (
     ),
     result("error_bound_relative", "1", "relative bound of the error", _BOUND),
 )
-"""Variables of a study with a guarantee."""
+"""Variables of a study with proved bounds of errors."""
 
 _GOALS = {
     "friction_resultant": ("N m-1", _INTEGRAL),
@@ -587,7 +590,7 @@ def among_geometries(variable: FileVariable) -> FileVariable:
 ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *RIM, *LIVE) if SWEEP not in v.dims)
 """Names of the variables of a contact line that do not depend on the point."""
 
-_POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
+_POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *BAND, *BOUNDS)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, *RIM, REGION, *FIELDS)
 _OF_GEOMETRIES = (NUMBER, OVERRIDES, *MESH_COUNTS, MESH_GEOMETRY)
 _EVERY = (*_ALL, *LIVE, *_OF_GEOMETRIES)

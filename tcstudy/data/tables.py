@@ -526,7 +526,7 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
     )
     variables.append(FileVariable("reason", "str", "", "why there is no solution", POINT_LEVEL))
     variables += _measure_variables()
-    if study.mesh.guarantee:
+    if study.mesh.bounds_errors:
         error = ERRORS[2].long_name
         estimate, bound = BY_ITSELF
         variables.append(FileVariable(estimate, "f8", "1", f"estimated relative {error}"))

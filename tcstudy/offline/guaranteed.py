@@ -511,7 +511,7 @@ def require_straight(mesh: PlaneMesh) -> None:
     if curved:
         names = ", ".join(curved)
         fault = f"a guarantee needs straight edges, but the mesh of {names} is another body"
-        remedy = "draw straight edges, or leave guarantee out"
+        remedy = "write guarantee: polygon for what is true of that polygon, or leave it out"
         raise GeometryFailed(f"{fault}; {remedy}", ("mesh", "guarantee"))
 
 

@@ -8,7 +8,7 @@ differ by region, the ratio has all their moduli and all springs over μ of the 
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -41,6 +41,7 @@ from tcstudy.offline.guaranteed import (
     require_straight,
 )
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
+from tcstudy.scene.mesh_plan import Guarantee
 from tcstudy.scene.records import (
     Boundary,
     Clamped,
@@ -320,21 +321,24 @@ class Level:
         scene: Scene,
         scenes: Sequence[Scene] = (),
         held: bool = True,
-        guarantee: bool = False,
+        guarantee: Guarantee = "none",
+        band_of: Callable[[Scene], Band] | None = None,
     ) -> None:
         """Assemble the forms of a mesh.
 
         scene:     any scene of the study; body and roles are the same in all of them
         scenes:    all scenes to come, if known: many values of α then share a few temperatures
         held:      False for a body that may slide along the contact line, which then has no λ₁
-        guarantee: whether λ₁ of the continuous body is requested
-        Raises GeometryFailed if it is and an edge is curved.
+        guarantee: what is proved of the body (scene/mesh_plan.py)
+        band_of:   gives bounds of λ₁ of the body; None for those of this mesh, where they are wanted
+        Raises GeometryFailed if errors of the body are bounded and an edge is curved.
         """
         start = time.perf_counter()
         self.mesh = mesh
         self.held = held
-        self.guarantee = guarantee
-        if guarantee:
+        self._band_of = band_of
+        self._has_band = band_of is not None or guarantee in ("bounds", "polygon")
+        if guarantee == "bounds":
             require_straight(mesh)
         self._bands = Recent[Band]()
         self._frames = Recent[Frames]()
@@ -448,7 +452,7 @@ class Level:
             np.array(column)[load_of_scene] for column in zip(*loads, strict=True)
         )
         mu = np.array([scene.material.mu for scene in scenes])
-        band = self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None
+        band = self.band(scenes[0]).times(1.0 / mu[0]) if self._has_band else None
         return CondensedBlock(
             body.condensation.A_tilde,
             self.line.c,
@@ -471,6 +475,8 @@ class Level:
 
     def band(self, scene: Scene) -> Band:
         """Return bounds of λ₁ of the continuous body [Pa/m], computed once per λ/μ."""
+        if self._band_of is not None:
+            return self._band_of(scene)
         ratio = ratio_of(scene)
         mu = scene.material.mu
         if ratio not in self._bands:

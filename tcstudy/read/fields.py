@@ -410,7 +410,14 @@ class Context:
                 return {name: self.choice(item, row.words) for name, item in node.children.items()}
             case "choice" | "choice by edge":
                 return self.choice(node, row.words)
-            case "flag":
+            case "flag or word" if isinstance(node.value, str) and node.value in row.words:
+                return node.value
+            case "flag or word" if not isinstance(node.value, bool):
+                words = ", ".join(row.words)
+                what = f"must be true, false or {words}, but is {node.kind()}"
+                self.at(node, what, f"write true, false or {words}, without quotes")
+                return False
+            case "flag" | "flag or word":
                 if not isinstance(node.value, bool):
                     fault = f"must be true or false, but is {node.kind()}"
                     self.at(node, fault, "write true or false, without quotes")

@@ -402,7 +402,7 @@ def check_together(
         _check_history_requests(ctx, root, mesh, solver, output, exact)
     for key in (key for key in ("path", "history", "fit") if root.at(key)):
         fault = f"is of single points, not of a {key}"
-        if mesh and mesh.guarantee:
+        if mesh and mesh.bounds_errors:
             ctx.at(root.nearest("mesh", "guarantee"), fault, "remove it")
         if solver and solver.every and key != "history":
             remedy = "write path.complete: true" if key == "path" else "remove it"

@@ -15,7 +15,15 @@ from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.keys import rows
-from tcstudy.scene.mesh_plan import FAMILIES, PROVED, FamilyName, Goal, MeshPlan, Quantity
+from tcstudy.scene.mesh_plan import (
+    FAMILIES,
+    PROVED,
+    FamilyName,
+    Goal,
+    Guarantee,
+    MeshPlan,
+    Quantity,
+)
 from tcstudy.scene.records import Contact
 from tcstudy.scene.solver_plan import ALL, BUNDLE, SEPARABLE, SolverPlan
 from tcstudy.scene.study import OutputPlan, Probe, shell_name
@@ -84,9 +92,17 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
         levels = len(sizes)
     options = fields.given(key for key in fields.rows if key not in DEPENDENT_KEYS)
     goal = _goal(ctx, fields)
-    if goal.proved:
-        options["guarantee"] = True
+    options["guarantee"] = _guarantee(options.get("guarantee"), goal)
     return MeshPlan(sizes, levels, family, goal=goal, **options)
+
+
+def _guarantee(given: bool | str | None, goal: Goal) -> Guarantee:
+    """Return what is proved of the body, from the key and a tolerance of the proved bound."""
+    if given == "polygon":
+        return "polygon"
+    if given or goal.proved:
+        return "bounds"
+    return "band" if given is None else "none"
 
 
 def _check_tolerance(ctx: Context, fields: Fields) -> None:

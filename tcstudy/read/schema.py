@@ -186,6 +186,7 @@ LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     **dict.fromkeys(NUMBERS, _number),
     "flag": lambda key: {"type": "boolean"},
+    "flag or word": lambda key: {"anyOf": [{"type": "boolean"}, {"enum": list(key.words)}]},
     "text": lambda key: TEXTS,
     "name": lambda key: {"type": "string", "pattern": NAME},
     "choice": _choice,

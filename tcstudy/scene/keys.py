@@ -38,6 +38,7 @@ displacement: two
 components; named places: a point a name;
 section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a
 shape;
+flag or word: true, false or one of the words;
 one or more: of the words; words: a list of any; choice by edge: a word, or one for each contact
 edge;
 sweep points: a list of them, or their number;
@@ -503,9 +504,9 @@ ROWS: tuple[Key, ...] = (
     ),
     key(
         "mesh.guarantee",
-        "flag",
-        "enclose λ₁ of the body itself, and bound errors",
-        default=_MESH.guarantee,
+        "flag or word",
+        "prove bounds of λ₁ and errors of the body, by default of λ₁ alone and without arcs",
+        words=("polygon",),
     ),
     needed("goal.u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]"),
     key(

@@ -110,6 +110,9 @@ MOST_REFINE = 10
 """Most refinements on the way to the first mesh: a million triangles for each of the coarsest."""
 
 
+Guarantee = Literal["none", "band", "bounds", "polygon"]
+
+
 @dataclass(frozen=True)
 class MeshPlan:
     """The meshes of a study, coarse to fine.
@@ -127,7 +130,9 @@ class MeshPlan:
     max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not
                refined
     estimate:  whether errors are estimated on meshes that do not need it
-    guarantee: whether λ₁ of the body, not of the mesh, is enclosed, and errors are bounded
+    guarantee: what is proved of the body, not of its mesh. "band": bounds of λ₁, of a body without
+               arcs; "bounds": bounds of λ₁ and of every error; "polygon": these of the polygon that
+               the mesh has in place of a body with arcs; "none"
     refine:    uniform refinements, of a mesh of size maxh·2^refine, that make the mesh of size
                maxh: many times as fast as meshing at maxh
     """
@@ -141,8 +146,13 @@ class MeshPlan:
     tolerance: float | None = None
     max_dofs: int = 400_000
     estimate: bool = False
-    guarantee: bool = False
+    guarantee: Guarantee = "band"
     refine: int = 0
+
+    @property
+    def bounds_errors(self) -> bool:
+        """Whether every solution gets a proved bound of its error."""
+        return self.guarantee in ("bounds", "polygon")
 
     @property
     def listed(self) -> bool:

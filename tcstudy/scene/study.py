@@ -172,6 +172,15 @@ class Study:
         return "fit" if self.fit else "history" if self.history else "path" if self.path else "run"
 
     @property
+    def encloses_lambda_1(self) -> bool:
+        """Whether λ₁ of the body itself is enclosed: where asked, and in sweeps of bodies without arcs."""
+        if self.mesh.bounds_errors:
+            return True
+        body = self.scenes[0].body
+        is_straight = body.brep is None and all(edge.through is None for edge in body.edges)
+        return self.mesh.guarantee == "band" and self.kind == "run" and is_straight
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """Extent of the sweep along each data dimension (without the level)."""
         if self.mode == "grid":

@@ -200,7 +200,7 @@ def _put_times(
 
 def _times_of_another_run(study: Study, curve: CostCurve) -> list[Times]:
     """Make the levels of a curve again with the solvers that it has, and return their times."""
-    plan = curve.plan if curve.family == OWN else replace(curve.plan, guarantee=False)
+    plan = curve.plan if curve.family == OWN else replace(curve.plan, guarantee="none")
     steps = walk(study, plan, partial(_has_solution, curve.levels))
     return [times for _, times in islice(steps, len(curve.levels))]
 
@@ -428,7 +428,7 @@ def _reference_level(study: Study, finest: int, progress: Progress) -> SolvedLev
     least_dofs = max(LEAST_FINER * finest, min(FINER * finest, MAX_REFERENCE_DOFS))
     plan = family_plan(study.mesh, "adaptive")
     marking = max(plan.marking, REFERENCE_MARKING)
-    plan = replace(plan, guarantee=False, goal=Goal(), marking=marking)
+    plan = replace(plan, guarantee="none", goal=Goal(), marking=marking)
     last: SolvedLevel | None = None
     try:
         for level, _ in walk(study, plan):

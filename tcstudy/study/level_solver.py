@@ -128,7 +128,10 @@ class LevelSolver:
         """Whether solved points get estimates, bounds, fields or requested outputs."""
         output = self.study.output
         return bool(
-            self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
+            self.estimator is not None
+            or self.study.mesh.bounds_errors
+            or output.fields
+            or output.asks
         )
 
     def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
@@ -312,7 +315,7 @@ class LevelSolver:
         """Return the error bounds and estimates of a solution by variable name."""
         values = dict[str, Any]()
         with self.times.measure("estimate"):
-            if self.study.mesh.guarantee:
+            if self.study.mesh.bounds_errors:
                 values |= self._bounds.look(scene, v)
             if self.estimator is not None:
                 bound = values.get("error_bound_relative")
@@ -411,7 +414,7 @@ def _size(study: Study, m: int, n_points: int) -> int:
     """Return the largest number of points of a block."""
     if not study.solver.in_blocks:
         return 1
-    if study.mesh.estimates or study.mesh.guarantee:
+    if study.mesh.estimates or study.mesh.bounds_errors:
         return MAX_ESTIMATED_POINTS
     if study.solver.every:
         return MAX_SEARCHED_POINTS

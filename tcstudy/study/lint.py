@@ -95,7 +95,7 @@ def _warnings(study: Study) -> Iterator[str]:
         yield from _going_on_straight(study, geometry)
     yield from _pinned(study, geometry)
     yield from _unloaded(study)
-    if study.mesh.guarantee:
+    if study.mesh.bounds_errors:
         reasons = dict.fromkeys(filter(None, map(why_no_bound, study.scenes)))
         if reasons:
             yield f"no error is bounded where {'; or where '.join(reasons)}"

@@ -154,7 +154,7 @@ def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel
     Raises GeometryFailed.
     """
     # errors are measured on all levels; estimates are kept beside bounds that are asked for
-    mesh = replace(study.mesh, tolerance=None, estimate=study.mesh.guarantee)
+    mesh = replace(study.mesh, tolerance=None, estimate=study.mesh.bounds_errors)
     study = replace(study, output=replace(study.output, fields=True), mesh=mesh)
     levels: list[SolvedLevel] = []
     for number, stage in enumerate(stages(study)):

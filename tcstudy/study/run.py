@@ -33,6 +33,8 @@ from tcstudy.data.store import Results, write, write_record
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors.processes import SerialExecutor, in_order
 from tcstudy.fem.meshes import Meshes, PlaneMesh
+from tcstudy.offline.body_bands import BodyBands
+from tcstudy.offline.guaranteed import Band
 from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.records import Scene
@@ -133,6 +135,7 @@ def stages(
     clock = time.perf_counter()
     meshes = meshes_of(study)
     geometry_seconds = time.perf_counter() - clock
+    band_of: Callable[[Scene], Band] | None = None
     needs_all_levels = study.mesh.estimates or study.output.live
     for number in range(study.mesh.levels):
         earlier_blocks = [block for block in finished if block.level == number]
@@ -141,10 +144,18 @@ def stages(
         try:
             with times.measure("mesh"):
                 mesh = meshes.next(number)
+            if number == 0 and study.encloses_lambda_1 and not study.mesh.bounds_errors:
+                band_of = BodyBands(study, mesh).of
             if number < first or (is_complete and not needs_all_levels):
                 continue
             with times.measure("assemble"):
-                level = Level(mesh, study.scenes[0], study.scenes, guarantee=study.mesh.guarantee)
+                level = Level(
+                    mesh,
+                    study.scenes[0],
+                    study.scenes,
+                    guarantee=study.mesh.guarantee,
+                    band_of=band_of,
+                )
         except GeometryFailed as error:
             if number == 0 or not study.mesh.listed:
                 raise

@@ -53,6 +53,7 @@ VALUES = {
     "named quantities": "number by name",
     "span": "two numbers",
     "flag": "true or false",
+    "flag or word": "",
     "sweep points": "list, table or number",
     "named texts": "text by name",
     "words": "list of names",
@@ -134,7 +135,8 @@ def _sentence(meaning: str) -> str:
 
 def _value(key: Key) -> str:
     """Return the words of a choice, or the kind of value with its unit."""
-    words = ", ".join(f"`{word}`" for word in key.words)
+    flags = ("true", "false") if key.kind == "flag or word" else ()
+    words = ", ".join(f"`{word}`" for word in (*flags, *key.words))
     kind = VALUES.get(key.kind, key.kind)
     unit = f"[{key.dimension.si}]" if key.dimension != NONE and key.kind != "point" else ""
     return " ".join(part for part in (kind if not words else "", words, unit) if part)

@@ -159,7 +159,7 @@ def test_curved_edges_are_refused() -> None:
     study = study_of(HEATED_BRACKET, "mesh.levels=1")
     level = levels_of(study)[0]
     with pytest.raises(GeometryFailed, match=r"guarantee.*bore, curve"):
-        Level(level.mesh, study.scenes[0], guarantee=True)
+        Level(level.mesh, study.scenes[0], guarantee="bounds")
 
 
 STABILITY = """
