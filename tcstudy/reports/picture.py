@@ -107,28 +107,30 @@ class LineFields:
 
     def cells(self, part: slice) -> Array:
         """Return (n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
-        s, (first, last) = self.arclength[part], self.beyond(part)
-        return np.concatenate([[s[0] - first], 0.5 * (s[1:] + s[:-1]), [s[-1] + last]])
+        s, (at_start, at_end) = self.arclength[part], self.beyond(part)
+        return np.concatenate([[s[0] - at_start], 0.5 * (s[1:] + s[:-1]), [s[-1] + at_end]])
 
     def held(self, part: slice) -> tuple[bool, bool]:
         """Return whether a part begins and ends at a constrained node, which is no unknown."""
         if self.closed(part) or part.stop - part.start == 1:
             return False, False
         room = NEAR * float(self.c[part].sum())
-        first, last = self.beyond(part)
-        return abs(first) > room, abs(last) > room
+        at_start, at_end = self.beyond(part)
+        return abs(at_start) > room, abs(at_end) > room
 
     def closed(self, part: slice) -> bool:
         """Return whether the part is a ring.
 
         The segment of its first node then reaches back to the last one, in a chord.
         """
-        first, last = self.beyond(part)
+        at_start, at_end = self.beyond(part)
         x, y = self.x[part], self.y[part]
         chord = float(np.hypot(x[-1] - x[0], y[-1] - y[0]))
         length = float(np.ptp(self.arclength[part]))
         is_bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * length
-        return is_bent and max(abs(chord - first - last), abs(first - last)) <= NEAR * chord
+        return (
+            is_bent and max(abs(chord - at_start - at_end), abs(at_start - at_end)) <= NEAR * chord
+        )
 
     def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:
         """Return ends of intervals along the part, and the contact node of each interval.

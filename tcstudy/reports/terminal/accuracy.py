@@ -59,8 +59,9 @@ MARKS = {"slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels
 """What stands behind an order that is not as expected."""
 OVERVIEW = (
     "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled "
-    f"(pre-asymptotic), exact: all errors are rounding, {sentences.GUESS}: a guess from two levels, "
-    "(order): some level was not solved. Tables of a point: --at NAME=VALUE; of all: -v."
+    "(pre-asymptotic), exact: all errors are rounding, "
+    f"{sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
+    "Tables of a point: --at NAME=VALUE; of all: -v."
 )
 MAX_ROUNDING = 1e-12
 """Relative uncertainty up to which it is rounding and not shown."""

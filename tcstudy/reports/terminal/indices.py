@@ -1,8 +1,8 @@
-"""Sobol indices of drawn points, as `tcstudy show` prints them: which parameter a result, or its side
-of a gap, comes from.
+"""Sobol indices at sampled points, as `tcstudy show` prints them.
 
-The numbers come from `accuracy.indices`. Where Y jumps, a mean over both sides is a value that no
-point has: there the side itself has indices.
+They tell from which parameter a result comes, or its side of a gap. The numbers come from
+`accuracy.indices`. Where Y jumps, a mean over both sides is a value that no point has: there the
+side itself has indices.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class SobolIndices:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """The drawn points of a file with one result on the finest level.
+    """The sampled points of a file with one result on the finest level.
 
     names:      of the d parameters;  is_named: (d,) those that are a choice
     x:          (n, r, d) their values, of a choice its number; r points for each base point
@@ -120,9 +120,9 @@ def indices(file: Path, of: str) -> SobolIndices:
 
 
 def _read_sample(file: Path, of: str) -> Sample:
-    """Read the drawn points of a file and one result; raise UsageError if it does not have it."""
+    """Read the sampled points of a file and one result; raise UsageError if it does not have it."""
     with reading(file), netCDF4.Dataset(file) as nc:
-        drawn = {name: v for name, v in nc.variables.items() if "distribution" in v.ncattrs()}
+        parameters = {name: v for name, v in nc.variables.items() if "distribution" in v.ncattrs()}
         results = [
             name
             for name, v in nc.variables.items()
@@ -136,8 +136,8 @@ def _read_sample(file: Path, of: str) -> Sample:
         level = nc.dimensions["level"].size - 1
         is_solved = nc["status"][:, level] == PointStatus.OK
         mode = nc.getncattr("design_mode")
-        points_per_base = len(drawn) + 2 if mode == SALTELLI else 1
-        columns = [_numbered(variable[:]) for variable in drawn.values()]
+        points_per_base = len(parameters) + 2 if mode == SALTELLI else 1
+        columns = [_numbered(variable[:]) for variable in parameters.values()]
         f = np.ma.filled(nc[of][:, level].astype(float), np.nan)
         f = np.where(is_solved, f, np.nan)
         group = nc.groups.get(f"level_{level}")
@@ -145,9 +145,9 @@ def _read_sample(file: Path, of: str) -> Sample:
         if of == "slip_length" and group is not None:
             resolution = float(np.max(group["c"][:]))
         return Sample(
-            names=tuple(drawn),
-            is_named=tuple(v.distribution.startswith("choice") for v in drawn.values()),
-            x=np.column_stack(columns).astype(float).reshape(-1, points_per_base, len(drawn)),
+            names=tuple(parameters),
+            is_named=tuple(v.distribution.startswith("choice") for v in parameters.values()),
+            x=np.column_stack(columns).astype(float).reshape(-1, points_per_base, len(parameters)),
             f=f.reshape(-1, points_per_base),
             mode=mode,
             unit=f" {nc[of].units}" if nc[of].units != "1" else "",
@@ -239,31 +239,31 @@ def indices_json(file: Path, of: str) -> dict[str, Any]:
 def jump(
     values: Array, resolution: float = 0.0, dependent: Array | None = None
 ) -> tuple[float, float] | None:
-    """The ends of the widest gap that no smooth distribution has by chance; None if there is none.
+    """Return the ends of the widest gap that no smooth distribution has by chance.
 
-    A gap is a jump if it is wider than the stretch of the k nearest values on either side together with twice the
-    resolution: of N values of a smooth density that happens with a chance of at most N 2^−k, here 1e-3, wherever the
-    gap lies and whatever the scale.
+    None if there is none. A gap is a jump if it is wider than the stretch of the k nearest values
+    on either side together with twice the resolution. Of N values of a smooth density that happens
+    with a chance of at most N 2^−k, here 1e-3, wherever the gap lies and whatever the scale.
+
     resolution: steps in which the values come by themselves, e.g. the length of a contact segment
-    dependent:  further values, which are no independent ones: they narrow a gap, but make none
+    dependent:  further values, which are not independent: they narrow a gap, but make none
     """
     v = np.sort(values)
     k = math.ceil(math.log2(1000.0 * max(1, len(v))))
     if len(v) < 2 * k:
         return None
-    at = np.arange(k - 1, len(v) - k)
-    gap = v[at + 1] - v[at]
-    stretch = np.maximum(v[at] - v[at - k + 1], v[at + k] - v[at + 1])
-    found = np.where(gap > stretch + 2.0 * resolution, gap, 0.0)
-    best = int(np.argmax(found)) if len(found) else 0
-    if not len(found) or found[best] <= ROUNDING * float(np.abs(v).max()):
+    before = np.arange(k - 1, len(v) - k)  # the value before each gap
+    gap = v[before + 1] - v[before]
+    stretch = np.maximum(v[before] - v[before - k + 1], v[before + k] - v[before + 1])
+    jumps = np.where(gap > stretch + 2.0 * resolution, gap, 0.0)
+    best = int(np.argmax(jumps)) if len(jumps) else 0
+    if not len(jumps) or jumps[best] <= ROUNDING * float(np.abs(v).max()):
         return None
-    low, high = float(v[at[best]]), float(v[at[best] + 1])
+    low, high = float(v[before[best]]), float(v[before[best] + 1])
     if dependent is None:
         return low, high
-    inside = np.sort(
-        np.concatenate([[low, high], dependent[(low < dependent) & (dependent < high)]])
-    )
+    is_inside = (low < dependent) & (dependent < high)
+    inside = np.sort(np.concatenate([[low, high], dependent[is_inside]]))
     widest = int(np.argmax(np.diff(inside)))
     low, high = float(inside[widest]), float(inside[widest + 1])
     return (low, high) if high - low > stretch[best] + 2.0 * resolution else None

@@ -1,6 +1,8 @@
-"""What work says before and while it goes on: the text of `tcstudy run --dry-run`; on a terminal or
-in a notebook one line that is written again and again, with the time left; elsewhere a plain line
-an event."""
+"""Progress of work, and the text of `tcstudy run --dry-run`.
+
+On a terminal or in a notebook progress is one line that is written again and again, with the time
+left; elsewhere a plain line per event.
+"""
 
 from __future__ import annotations
 
@@ -40,88 +42,102 @@ BAR = 30
 
 
 class Progress:
-    """What a run, a path, a history, a fit or a measurement of a study says of itself, on standard
-    error unless another stream is given. Close it after use: that removes the line.
+    """Reports the progress of a study's work, by default on standard error.
+
+    Close it after use: that removes the line.
     """
 
     def __init__(self, study: Study, stream: TextIO | Stream | None = None) -> None:
         stream = stream or sys.stderr
         self._stream = stream.raw() if isinstance(stream, Stream) else stream or Stream(None)
-        notebook = type(stream).__module__.startswith("ipykernel.")
-        self._shown, self._width = notebook or self._stream.isatty(), 0
-        self._study, self._start, self._where = study, time.monotonic(), ""
+        is_notebook = type(stream).__module__.startswith("ipykernel.")
+        self._shown = is_notebook or self._stream.isatty()
+        self._width = 0
+        self._study, self._where = study, ""
+        self._start = time.monotonic()
         self._failures = Counter[tuple[PointStatus, str]]()
 
     def event(self, text: str) -> None:
-        """A line that stays."""
+        """Print a line that stays."""
         self._rewrite("")
         self._stream.write(f"{visible(text)}\n")
         self._stream.flush()
 
     def begin(self, work: Sequence[Any]) -> None:
-        """What a run has before it, as `tcstudy.study.run.LevelWork`; points of finer levels count
-        for more."""
-        self._work, self._found = work, sum(w.done for w in work)
-        self._before = self._spent = sum(w.done * w.weight for w in work)
-        most = "" if all(w.sure for w in work) else "at most "
-        self._all = f"{most}{counted(sum(w.points for w in work), 'solution')}"
-        said = f"{counted(work[0].points, 'point')} on {most}{counted(len(work), 'level')}: {self._all}"
-        self._plain(said + (f", {self._found} of them finished before" if self._found else ""))
+        """Report the work of a run by level, as `tcstudy.study.run.LevelWork`.
+
+        Points of finer levels count for more.
+        """
+        self._work = work
+        self._found = sum(level.done for level in work)
+        self._before = self._spent = sum(level.done * level.weight for level in work)
+        most = "" if all(level.sure for level in work) else "at most "
+        self._all = f"{most}{counted(sum(level.points for level in work), 'solution')}"
+        points, levels = counted(work[0].points, "point"), counted(len(work), "level")
+        finished = f", {self._found} of them finished before" if self._found else ""
+        self._plain(f"{points} on {most}{levels}: {self._all}{finished}")
 
     def level(self, record: LevelRecord, geometry: str = "") -> None:
-        """A mesh is ready."""
-        self._where = f"{geometry}{', ' if geometry else ''}level {record.level}"
+        """Report a mesh that is ready."""
+        level = f"level {record.level}"
+        self._where = f"{geometry}, {level}" if geometry else level
         h = with_unit(record.h_max, "1" if self._study.units == "none" else "m", 3)
-        self._plain(
-            f"{self._where}: h_max = {h}, {record.n_dof} dofs, {record.n_contact} contact unknowns, meshed and "
-            f"assembled in {record.time_mesh + record.time_assemble:.2g} s"
-        )
+        dofs = f"{record.n_dof} dofs, {record.n_contact} contact unknowns"
+        seconds = f"{record.time_mesh + record.time_assemble:.2g} s"
+        self._plain(f"{self._where}: h_max = {h}, {dofs}, meshed and assembled in {seconds}")
         self._bar()
 
     def block(self, record: BlockRecord) -> None:
-        """Points are finished; only the first failure of a kind is worth a line, the others are
-        counted."""
+        """Report finished points: the first failure of each kind in a line; others are counted."""
         for row in np.flatnonzero(record.status != PointStatus.OK).tolist():
             status, reason = PointStatus(int(record.status[row])), record.reasons.get(row, "")
-            self._failures[same := kind(status, reason)] += 1
-            if self._failures[same] == 1:
+            failure = kind(status, reason)
+            self._failures[failure] += 1
+            if self._failures[failure] == 1:
                 name = naming(sweep_points(self._study))(record.index(row))
-                self.event(
-                    f"{name}{' on ' * bool(name)}level {record.level}: {named(status)}: {without_paths(reason)}"
-                )
+                place = f"{name} on level {record.level}" if name else f"level {record.level}"
+                self.event(f"{place}: {named(status)}: {without_paths(reason)}")
         self._found += len(record)
         self._spent += len(record) * self._work[record.level].weight
         self._bar()
 
     def path(self, pieces: int, t: float) -> None:
-        """Pieces of a path so far, and the present value of the parameter [SI]."""
-        self._rewrite(f"{pieces} pieces, parameter at {number(t)}")
+        """Report the segments of a path so far, and the present value of the parameter [SI]."""
+        self._rewrite(f"{pieces} segments, parameter at {number(t)}")
 
     def history(self, point: int, points: int, step: int, steps: int) -> None:
-        """Which step of which point was solved last, counted from 0."""
-        self._rewrite(f"point {point + 1}/{points}, " * (points > 1) + f"step {step}/{steps}")
+        """Report which step of which point was solved last, counted from 0."""
+        place = f"point {point + 1}/{points}, " if points > 1 else ""
+        self._rewrite(f"{place}step {step}/{steps}")
 
     def cost(self, text: str, left: float | None) -> None:
-        """What begins to be measured, and the seconds left, if they are known."""
-        text += f", about {span(left)} left" if left is not None else ""
+        """Report the measurement that begins, and the seconds left, if they are known."""
+        if left is not None:
+            text += f", about {span(left)} left"
         self._plain(text)
         self._rewrite(f"{text} ({span(time.monotonic() - self._start)} so far)")
 
     def close(self) -> None:
-        """Remove the line; say how many failures had none."""
+        """Remove the line; report how many failures had none."""
         self._rewrite("")
-        if silent := self._failures.total() - len(self._failures):
+        silent = self._failures.total() - len(self._failures)
+        if silent:
             reasons = "reason" if len(self._failures) == 1 else "reasons"
             self.event(f"{silent} more failed for the same {reasons}")
         self._failures.clear()
 
     def _bar(self) -> None:
-        whole, new = sum(w.points * w.weight for w in self._work), self._spent - self._before
-        left = (time.monotonic() - self._start) * (whole - self._spent) / new if new else None
-        told = "" if left is None else f", {span(left)} left"
-        failed = f", {self._failures.total()} failed" if self._failures else ""
-        bar = f"{'█' * int(BAR * self._spent / whole):░<{BAR}} {self._found} of {self._all}{failed}{told}"
-        self._rewrite(f"{self._where} {bar}".lstrip())
+        """Rewrite the line with a bar, the failures, and the time left."""
+        work = sum(level.points * level.weight for level in self._work)
+        new = self._spent - self._before
+        words = f"{self._found} of {self._all}"
+        if self._failures:
+            words += f", {self._failures.total()} failed"
+        if new:
+            seconds = (time.monotonic() - self._start) * (work - self._spent) / new
+            words += f", {span(seconds)} left"
+        bar = f"{'█' * int(BAR * self._spent / work):░<{BAR}}"
+        self._rewrite(f"{self._where} {bar} {words}".lstrip())
 
     def _plain(self, text: str) -> None:
         if not self._shown:
@@ -147,11 +163,11 @@ def open_progress(study: Study, first_line: str | None) -> Progress:
 
 
 def forecast_text(
-    study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str
+    study: Study, plan: Any, remarks: Sequence[str], output: Path, work: str, time: str
 ) -> str:
     """Return the labelled lines of a dry run and, of several levels, their table.
 
-    plan: the `tcstudy.study.plan.Plan` of the study;  more: lines after its notes
+    plan: the `tcstudy.study.plan.Plan` of the study;  remarks: lines after its notes
     work: who solves the contact problems, in words;  time: what a run would take, in words
     """
     unit = "1" if study.units == "none" else "m"
@@ -162,21 +178,24 @@ def forecast_text(
         TextColumn("contact unknowns", [_count(v.n_contact, v) for v in plan.levels], 3),
     ]
     table = [columns_table(columns)] if len(plan.levels) > 1 else []
-    first = labelled(forecast_lines(study, plan, more, output, work, time))
+    first = labelled(forecast_lines(study, plan, remarks, output, work, time))
     return "\n\n".join((study.title, first, *table))
 
 
 def forecast_lines(
-    study: Study, plan: Any, more: Sequence[str], output: Path, work: str, time: str
+    study: Study, plan: Any, remarks: Sequence[str], output: Path, work: str, time: str
 ) -> list[tuple[str, str]]:
-    """Return what a run of a study would do and take, as labelled lines; arguments as of
-    `forecast_text`."""
+    """Return the work and cost of a run of a study as labelled lines.
+
+    Arguments are those of `forecast_text`.
+    """
     times = study.history.steps if study.history is not None else study.mesh.levels
     most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
-    of = counted(times, "step") if study.history is not None else f"{most}{counted(times, 'level')}"
-    solutions = (
-        f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
-    )
+    per_point = counted(times, "step" if study.history is not None else "level")
+    if study.history is None:
+        per_point = most + per_point
+    total = most + counted(plan.points * times, "solution")
+    solutions = f"{counted(plan.points, 'point')} × {per_point} = {total}"
     lines = [("Work", solutions if plan.bytes else plan.asked), ("Work", work)]
     if plan.levels:
         lines.append(("Mesh", _mesh_words(study, plan.levels)))
@@ -184,7 +203,7 @@ def forecast_lines(
     if plan.bytes:
         lines.append(("Cost", f"{up_to}about {plan.bytes / 1e6:.2g} MB on disk"))
     lines.append(("Output", str(output)))
-    notes = [*plan.notes, *more]
+    notes = [*plan.notes, *remarks]
     lines.append(("Checks", f"no errors, {counted(len(notes), 'note') if notes else 'no notes'}"))
     lines += [("Left out", text) for text in plan.left_out]
     return lines + [("Note", line) for text in notes for line in text.split("\n")]

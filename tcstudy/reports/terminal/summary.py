@@ -438,10 +438,11 @@ def _limits(data: Any) -> Iterator[str]:
     if len(unbalanced):
         defects = data["heat_balance"].values[tuple(unbalanced.T)]
         worst = unbalanced[np.argmax(defects)]
+        points = counted(len(unbalanced), "point")
         yield (
-            f"heat balance up to {number(defects.max(), 2)} at {counted(len(unbalanced), 'point')}: "
-            "as thin triangles cost the temperature its digits, remove slits and slivers of the "
-            f"body or refine towards them (worst at {_point(data, worst)})"
+            f"heat balance up to {number(defects.max(), 2)} at {points}: as thin triangles cost the "
+            "temperature its digits, remove slits and slivers of the body or refine towards them "
+            f"(worst at {_point(data, worst)})"
         )
 
 
