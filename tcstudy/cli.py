@@ -43,7 +43,7 @@ FORMER_COMMANDS = {
     ),
     "sensitivity": "tcstudy show FILE.nc, which has the indices of a design",
     **dict.fromkeys(
-        ("merge", "compare"), "xarray's work: see 'Files that grow' in results/README.md"
+        ("merge", "compare"), "xarray's work: see 'Combine and compare files' in results/README.md"
     ),
     "schema": "tcstudy init, which writes study.schema.json beside the starter",
     "completion": "shtab's work: see 'Completion' in results/commands.md",

@@ -136,7 +136,7 @@ REFUSED = [
     ("report block.nc --output=page.pdf", "page.pdf: a page's name ends in .html; choose such a name"),
     ("convrge", "tcstudy: argument COMMAND: invalid choice: 'convrge' (choose from 'run', 'converge', 'cost',"),
     ("plan study.yaml", "tcstudy: plan is now: tcstudy run STUDY.yaml --dry-run"),
-    ("merge", "tcstudy: merge is now: xarray's work: see 'Files that grow' in results/README.md"),
+    ("merge", "tcstudy: merge is now: xarray's work: see 'Combine and compare files' in results/README.md"),
     ("converge block.yaml --set=mesh.levels=1", "one level has no convergence"),
     ("converge block.yaml --plot=a.txt", ".png"),
     ("converge block.yaml --at=tau=0.7", "no point has tau = 0.7"),

@@ -12,6 +12,8 @@ from ruamel.yaml import YAML
 from tcstudy.read.study import read_study
 from tests.commands import CONFIGS, tcstudy_command
 from tests.console import WIDTH, printed, without_machine
+from tests.evidence import QUOTE, claims, evidence, false_quotations
+from tests.evidence import markdown as evidence_page
 from tests.prose import cells, paragraphs, sentences
 from tests.test_house import ARROWS, PACKAGE
 
@@ -53,7 +55,17 @@ def test_every_study_is_in_the_index() -> None:
 
 
 HOWTO = tuple(f"configs/howto/{path.name}" for path in sorted((CONFIGS / "howto").glob("*.md")))
-PAGES = ("README.md", "configs/README.md", "configs/tutorial.md", "results/commands.md", *HOWTO)
+RESULTS = tuple(
+    f"results/{name}.md" for name in ("README", "accuracy", "commands", "evidence", "pictures")
+)
+PAGES = (
+    "README.md",
+    "configs/README.md",
+    "configs/tutorial.md",
+    "tcstudy/trust.md",
+    *RESULTS,
+    *HOWTO,
+)
 """Pages in plain sentences."""
 GUIDES = (
     *PAGES,
@@ -124,7 +136,49 @@ def test_guides_show_what_the_commands_print(
     )
 
 
-MOST_WORDS = {"README.md": 950, "configs/README.md": 2300}
+@pytest.mark.parametrize("name", GUIDES)
+def test_quotations_are_those_of_the_evidence(name: str) -> None:
+    page = (ROOT / name).read_text(encoding="utf-8")
+    assert not false_quotations(page, claims())
+
+
+def test_false_quotations_are_seen() -> None:
+    results = {"a.b": {"result": "104 of 105 met, median 1.46"}}
+    page = "<!--v:a.b-->{}<!--/v-->"
+    assert not false_quotations(page.format("104 of 105"), results)
+    for text in ("04 of 105", "104 of 10", "104 of 106", "median 1.4", "median 1"):
+        assert false_quotations(page.format(text), results)
+    assert false_quotations("<!--v:a.c-->104 of 105<!--/v-->", results)
+
+
+def test_the_first_page_quotes_every_figure_of_its_table() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8").split("## How far to trust it")[1]
+    rows = re.findall(r"^\|.*\]\(results/evidence.*$", text.split("## ")[0], re.MULTILINE)
+    assert len(rows) == 4
+    assert all(QUOTE.search(row) for row in rows)
+
+
+def test_the_evidence_is_that_of_its_file() -> None:
+    text = (ROOT / "results" / "evidence.md").read_text(encoding="utf-8")
+    assert text == evidence_page(), "make it again: python -m tests.evidence > results/evidence.md"
+    for claim in claims().values():
+        module = re.fullmatch(r"(?:python -m|pytest) (tests[\w./]*).*", claim["command"])
+        if module and "/" not in module[1]:
+            assert (ROOT / (module[1].replace(".", "/") + ".py")).exists(), claim["command"]
+        elif module:
+            assert (ROOT / module[1]).exists(), claim["command"]
+        assert re.fullmatch(r"every|[0-9a-f]{8}", claim["commit"]), claim["commit"]
+
+
+def test_limits_of_the_evidence_agree_with_their_summary() -> None:
+    held = [float(row[4].removesuffix(" %")) for row in evidence()["limits"]["rows"]]
+    windows = sum(int(row[2]) for row in evidence()["limits"]["rows"])
+    claim = claims()["limits.held"]
+    assert claim["result"] == f"{min(held):g} to {max(held):g} % hold"
+    assert f"{windows:,} windows" in claim["cases"]
+
+
+MOST_WORDS = {"README.md": 950, "configs/README.md": 2300, "results/evidence.md": 2300}
 LONGEST_PAGE = 1800
 LONGEST_SENTENCE, LONGEST_PARAGRAPH, LONGEST_CELL = 25, 90, 30
 
