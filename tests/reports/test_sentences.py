@@ -48,6 +48,53 @@ def test_only_orders_that_can_be_judged_count(
     assert said.orders(verdicts) == words
 
 
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(0.256, "26 %"), (0.1, "10 %"), (0.0999, "10 %"), (0.0123, "1.2 %"), (1e-6, "0.0001 %"),
+     (9.9e-7, "9.9e-07"), (1.5, "150 %")],
+)  # fmt: skip
+def test_a_share_has_two_digits(share: float, words: str) -> None:
+    assert said.percent(share) == words
+
+
+def test_lengths_are_a_range_or_a_limit() -> None:
+    spans = {"slip": (2e-3, 0.2), "debonded": (0.0, 0.0153)}
+    assert said.slip_lengths(spans, "m") == "slip length 2 to 200 mm, debonded length up to 15.3 mm"
+    assert said.slip_lengths({}, "m") == ""
+
+
+def test_a_number_of_equilibria_is_proved_or_at_least() -> None:
+    assert said.equilibria(3) == "3"
+    assert said.equilibria(3, complete=0) == "at least 3"
+    assert said.equilibria(3, 2) == "3, 2 stable"
+    assert said.equilibria(1, 1) == "1"
+
+
+@pytest.mark.parametrize(
+    ("count", "complete", "words"),
+    [
+        ([], [], ""),
+        ([3, 5], [0, 0], "all equilibria proved at 0 of 2"),
+        ([3, 5], [1, 0], "all equilibria proved at 1 of 2 (3 each)"),
+        ([3, 3], [1, 1], "all equilibria proved at 2 of 2 (3 each)"),
+        ([3, 5], [1, 1], "all equilibria proved at 2 of 2 (3 to 5)"),
+        ([3, 5], [2, 1], "all equilibria proved at 2 of 2 (3 to 5) of the polygons of exponential laws"),
+    ],
+)  # fmt: skip
+def test_how_many_equilibria_are_proved_to_be_all(
+    count: list[int], complete: list[int], words: str
+) -> None:
+    assert said.all_equilibria(np.array(count), np.array(complete)) == words
+
+
+def test_only_energies_beyond_rounding_leave_the_branch_from_rest() -> None:
+    energy = np.array([[-1.0, -1.0 - 1e-10], [-1.0, -1.1]])
+    assert not said.from_rest_left(energy, np.array([True, False]))
+    assert said.from_rest_left(energy, np.array([True, True]))
+    assert not said.from_rest_left(energy[:, ::-1], np.array([True, True]))
+    assert not said.from_rest_left(np.array([[-1.0, np.nan]]), np.array([True]))
+
+
 def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_start_left_over() -> (
     None
 ):

@@ -14,8 +14,10 @@ from tcstudy.reports.sentences import (
     mesh_error,
     no_loading_curve,
     proof_classes,
+    run_verdict,
 )
 from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.text import Verdict
 from tests.reports.conftest import REASON, Stored
 
 
@@ -169,3 +171,84 @@ def test_least_energy_is_not_called_the_loading_curve(
     assert all("branch: continued or path:" in sentence for sentence in sentences)
     run.nc.swept_loads = ""
     assert no_loading_curve(run, ambiguous) == []
+
+
+def verdict_on(dims: dict[str, list[Any]], levels: int = 1, **values: Any) -> Verdict:
+    """The verdict of a file in memory; flags of proofs are 0 unless given."""
+    proofs = dict.fromkeys(("unique", "global_minimum", "strict_minimum"), 0)
+    return run_verdict(seen(dims, levels, **{**proofs, **values}).nc)
+
+
+def test_a_sweep_names_its_largest_slip_and_the_fewest_lengths() -> None:
+    values = {
+        "u_T_max": [[1.0], [3.0], [2.0]],
+        "slip_length": [[0.0], [4.0], [5.0]],
+        "debonded_length": [[1.0], [2.0], [np.nan]],
+        "softening_length": [[1.0], [1.0], [1.0]],
+        "yielded_length": [[1.0], [1.0], [1.0]],
+        "unique": [[1], [0], [0]],
+        "strict_minimum": [[1], [1], [0]],
+        "inclusion_residual": [[1e-12], [2e-12], [np.nan]],
+    }
+    verdict = verdict_on({"theta_bar": [0, 10, 20]}, **values)
+    largest, lengths = verdict.answer
+    assert largest == "largest slip 3 at θ̄ = 10 K"
+    assert lengths == "slip length up to 5, debonded length 1 to 2"
+    assert verdict.trust == ("1 unique, 1 local minimum, 1 without certificate (this mesh)",)
+    assert verdict.accuracy == ("not estimated: one mesh",)
+    assert verdict.solved == ("3 of 3 points; residual ≤ 2e-12",)
+    assert verdict.complete
+    only_yielded = {
+        name: values[name] for name in ("u_T_max", "softening_length", "yielded_length")
+    }
+    [_, lengths] = verdict_on({"theta_bar": [0, 10, 20]}, **only_yielded).answer
+    assert lengths == "yielded length 1"
+
+
+def test_one_point_names_all_lengths_and_its_largest_shear() -> None:
+    verdict = verdict_on(
+        {},
+        2,
+        u_T_max=[2.0, 3.0],
+        slip_length=[1.0, 4.0],
+        softening_length=[1.0, 2.0],
+        shear_max=[1.0, 5.0],
+        shear_max_at=[1.0, 0.5],
+        proved_unique=[0, 1],
+        unique=[1, 1],
+        error_bound_relative=[0.9, 0.04],
+    )
+    assert verdict.answer == (
+        "largest slip 3",
+        "slip length 4, softening length 2",
+        "largest shear 5 at s = 0.5",
+    )
+    assert verdict.trust == ("1 unique (this mesh)", "1 of 1 unique for the body itself")
+    assert verdict.accuracy[-1] == "error of u proved to be at most 4 %"
+    assert verdict.solved == ("1 of 1 point, 2 levels",)
+    assert verdict_on({}, u_T_max=[0.0]).answer == ("nothing slips",)
+
+
+def test_points_that_are_not_run_or_fail_on_coarse_levels_are_counted() -> None:
+    reasons = {"status": [[2, 1], [1, 1], [0, 0], [1, 2]]}
+    run = seen({"theta_bar": [0, 10, 20, 30]}, 2, **reasons)
+    stored = run.nc.createVariable("reason", str, ("theta_bar", "level"))
+    stored[:] = np.full((4, 2), "it failed; mend it", dtype=object)
+    for name in ("unique", "global_minimum", "strict_minimum"):
+        run.nc.createVariable(name, "f8", ("theta_bar", "level"))[:] = 1
+    verdict = run_verdict(run.nc)
+    assert verdict.solved == (
+        "2 of 4 points, 2 levels; 2 failed, 1 on coarser levels only; 1 not run",
+    )
+    assert verdict.reason[0].endswith("it failed (for example θ̄ = 0 K)")
+    assert verdict.fix == ("mend it",)
+    assert not verdict.complete
+
+
+def test_several_solutions_are_named_where_more_than_one_was_found() -> None:
+    dims: dict[str, list[Any]] = {"theta_bar": [0, 10]}
+    counted = verdict_on(dims, u_T_max=[[1.0], [2.0]], solutions=[[1], [3]], complete=[[1], [0]])
+    assert "several solutions found at 1 point" in counted.trust
+    assert any(fact.startswith("all equilibria proved at 1 of 2") for fact in counted.trust)
+    alone = verdict_on(dims, u_T_max=[[1.0], [2.0]], solutions=[[1], [1]], complete=[[1], [1]])
+    assert not any("several" in fact for fact in alone.trust)
