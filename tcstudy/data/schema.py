@@ -40,7 +40,7 @@ from tcstudy.scene.mesh_plan import Goal
 from tcstudy.scene.points import law_regions
 from tcstudy.scene.records import Clamped, Contact, Free
 from tcstudy.scene.solver_plan import START_NAMES
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import SLIP_BOUNDS, Study
 
 UNPROVED_BRANCHES = "the branches are not proved to be all"
 OPEN_LOOP = "the hysteresis loop is not whole"
@@ -358,32 +358,65 @@ ESTIMATES: tuple[FileVariable, ...] = (
 )
 """Variables of a study that estimates errors."""
 
-_BODY = "of the body itself, not of the mesh"
 _PROVED = ("not_proved", "proved")
-_UNIQUE = "omega < lambda_1_low: the problem itself, not its discretisation, has one solution"
-_BOUND = "over the norm of the body's solution, no less; missing where that may be 0"
-BAND: tuple[FileVariable, ...] = (
-    result("lambda_1_low", "Pa m-1", "lower bound of lambda_1 of the body", _BODY),
-    result("lambda_1_high", "Pa m-1", "upper bound of lambda_1 of the body", _BODY),
-    result(
-        "lambda_1_dual",
-        "Pa m-1",
-        "lambda_1 of equilibrium elements",
-        "nearer to the body than that of the mesh",
-    ),
-    flag("proved_unique", "only solution of the body", _PROVED, comment=_UNIQUE),
-)
-"""Variables of λ₁ of the body."""
-BOUNDS: tuple[FileVariable, ...] = (
-    result(
-        "error_bound",
-        "J0.5 m-0.5",
-        "bound of the error",
-        "of the body's solution, not of a finer mesh's; proved",
-    ),
-    result("error_bound_relative", "1", "relative bound of the error", _BOUND),
-)
-"""Variables of a study with proved bounds of errors."""
+POLYGON = "polygon that the mesh has"
+"""What guarantees are of in place of a body with arcs."""
+
+
+def band_variables(body: str = "body") -> tuple[FileVariable, ...]:
+    """Return the variables of λ₁ of the body itself, or of what has its place."""
+    itself = f"of the {body} itself, not of its discretisation"
+    unique = "omega < lambda_1_low: the problem itself, not its discretisation, has one solution"
+    return (
+        result("lambda_1_low", "Pa m-1", f"lower bound of lambda_1 of the {body}", itself),
+        result("lambda_1_high", "Pa m-1", f"upper bound of lambda_1 of the {body}", itself),
+        result(
+            "lambda_1_dual",
+            "Pa m-1",
+            "lambda_1 of equilibrium elements",
+            f"nearer to the {body} than that of linear elements",
+        ),
+        flag("proved_unique", f"only solution of the {body}", _PROVED, comment=unique),
+    )
+
+
+def bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
+    """Return the variables of proved bounds of errors."""
+    exact = f"of the solution of the {body}, not of a finer mesh; proved"
+    norm = f"over the norm of the solution of the {body}, no less; missing where that may be 0"
+    return (
+        result("error_bound", "J0.5 m-0.5", "bound of the error", exact),
+        result("error_bound_relative", "1", "relative bound of the error", norm),
+    )
+
+
+def slip_bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
+    """Return the variables of proved bounds of slips and of the friction resultant."""
+    exact = f"against the solution of the {body}; proved"
+    slip = "bound of the error of the mean slip of every segment"
+    held = f"{exact}; missing where an end of the contact line is constrained"
+    return (
+        result("slip_bound", "m", slip, exact),
+        result("friction_bound", "N m-1", "bound of the error of the friction resultant", held),
+    )
+
+
+GUARANTEED = (*band_variables(), *bound_variables(), *slip_bound_variables())
+"""All variables of what is proved of the body."""
+
+
+def guaranteed_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Return the variables of what is proved of the body of a study."""
+    variables = list[FileVariable]()
+    body = POLYGON if study.mesh.guarantee == "polygon" else "body"
+    if study.encloses_lambda_1:
+        variables += band_variables(body)
+    if study.mesh.bounds_errors:
+        variables += bound_variables(body)
+        if SLIP_BOUNDS in study.output.quantities:
+            variables += slip_bound_variables(body)
+    return tuple(variables)
+
 
 _GOALS = {
     "friction_resultant": ("N m-1", _INTEGRAL),
@@ -590,7 +623,14 @@ def among_geometries(variable: FileVariable) -> FileVariable:
 ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *RIM, *LIVE) if SWEEP not in v.dims)
 """Names of the variables of a contact line that do not depend on the point."""
 
-_POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *BAND, *BOUNDS)
+_POINTS = (
+    *ROOT,
+    *REGIONS,
+    *EVERY,
+    *SOLVERS,
+    *ESTIMATES,
+    *GUARANTEED,
+)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, *RIM, REGION, *FIELDS)
 _OF_GEOMETRIES = (NUMBER, OVERRIDES, *MESH_COUNTS, MESH_GEOMETRY)
 _EVERY = (*_ALL, *LIVE, *_OF_GEOMETRIES)

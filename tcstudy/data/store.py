@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     import netCDF4
 
 
-BRANCH, SWEPT_LOADS = "solver_branch", "swept_loads"
+BRANCH, SWEPT_LOADS, GUARANTEE = "solver_branch", "swept_loads", "guarantee"
 """Global attributes of a run: the stored solution; coordinates along which only loads change."""
 Arrays = dict[str, np.ndarray[Any, Any]]
 MAX_MEMORY = 2**26
@@ -124,6 +124,8 @@ def write(
     names = axis_names(study.axes) if study.axes else ()
     swept_loads = " ".join(names[d] for d in load_axes(study))
     attributes |= {BRANCH: study.solver.branch, SWEPT_LOADS: swept_loads}
+    if study.encloses_lambda_1:
+        attributes |= {GUARANTEE: study.mesh.guarantee}
     write_dataset(path, attributes, make, JOURNAL_NOTE, seen)
     return counts[0]
 
@@ -167,8 +169,7 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
         *schema.ROOT,
         *schema.region_variables(study),
         *(schema.SOLVERS if len(study.solver.names) > 1 else ()),
-        *(schema.BAND if study.encloses_lambda_1 else ()),
-        *(schema.BOUNDS if mesh.bounds_errors else ()),
+        *schema.guaranteed_variables(study),
         *(schema.EVERY if study.solver.every else ()),
         *(schema.ESTIMATES if mesh.estimates else ()),
         *(schema.goal_variables(mesh.goal, study.exact is not None) if mesh.estimates else ()),

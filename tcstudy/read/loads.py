@@ -40,7 +40,7 @@ from tcstudy.scene.path_plan import PathPlan
 from tcstudy.scene.points import GEOMETRIC, distinct
 from tcstudy.scene.records import Contact, Rigid, Scene
 from tcstudy.scene.solver_plan import SEPARABLE, SolverPlan
-from tcstudy.scene.study import Exact, OutputPlan
+from tcstudy.scene.study import SLIP_BOUNDS, Exact, OutputPlan
 
 NOT_AFFINE = "the load of this study is not affine in it"
 NO_DERIVATIVE = "there is no derivative by"
@@ -400,6 +400,10 @@ def check_together(
             ctx.at(root.nearest("exact"), f"{feature.words}, and {feature.conflict}")
     if root.at("history"):
         _check_history_requests(ctx, root, mesh, solver, output, exact)
+    needs_bounds = output is not None and SLIP_BOUNDS in output.quantities
+    if needs_bounds and mesh is not None and not mesh.bounds_errors:
+        fault = f"{SLIP_BOUNDS} follow from bounds of the error"
+        ctx.at(root.nearest("output", "quantities"), fault, "add guarantee: true to mesh")
     for key in (key for key in ("path", "history", "fit") if root.at(key)):
         fault = f"is of single points, not of a {key}"
         if mesh and mesh.bounds_errors:

@@ -162,7 +162,9 @@ def _one_body(
         fit = read_fit(ctx, reader, mesh, history)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
-    if any(map(root.at, ("path", "exact", "history", "fit"))) or (output and output.live):
+    if any(map(root.at, ("path", "exact", "history", "fit"))) or (
+        output and (output.live or output.quantities)
+    ):
         check_together(ctx, reader, mesh, solver, output, exact)
     scenes = reader.scenes
     if exact and exact.derived and reader.body and not ctx.errors.problems:

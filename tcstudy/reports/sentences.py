@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.bodies import StoredBody
-from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
-from tcstudy.data.store import BRANCH, SWEPT_LOADS
+from tcstudy.data.schema import OF_POLYGON, POLYGON, UNBALANCED, PointStatus
+from tcstudy.data.store import BRANCH, GUARANTEE, SWEPT_LOADS
 from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import (
     PROOFS,
@@ -27,6 +27,7 @@ from tcstudy.reports.text import (
     Verdict,
     between,
     counted,
+    enclosing,
     failure_kinds,
     first_largest,
     number,
@@ -330,7 +331,8 @@ def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
     facts = [f"{proof_classes(flags, run.ok)} (this mesh)"]
     if run.take("proved_unique") is not None:
         of_body = int(run.flag("proved_unique").sum())
-        facts.append(f"{of_body} of {int(unique.sum())} unique for the body itself")
+        body = proved_object(run.nc.__dict__.get(GUARANTEE, ""))
+        facts.append(f"{of_body} of {int(unique.sum())} unique for {body}")
     count, complete = run.take("solutions"), run.take("complete")
     if count is not None and complete is not None:
         facts.append(all_equilibria(count[run.ok], complete[run.ok]))
@@ -434,21 +436,28 @@ MIN_LOCKING_RATIO = 1.1
 """λ₁ of a P1 mesh over that of equilibrium elements, above which the mesh locks."""
 
 
-def of_the_body(low: Array, high: Array, proved: Flags, units: str) -> str:
+def proved_object(guarantee: str) -> str:
+    """Return what the proofs of a file are of, by its attribute: the body, or a polygon."""
+    return f"the {POLYGON}" if guarantee == "polygon" else "the body itself"
+
+
+def of_the_body(low: Array, high: Array, proved: Flags, units: str, guarantee: str) -> str:
     """Return what is proved of the body itself, by low ≤ λ₁ ≤ high and ω < low.
 
     low, high: (P,) at the points of the finest level, NaN where a point was not solved [units]
     proved:    (P,) points with ω < low
+    guarantee: what the proofs are of (data/store.py)
     """
     is_solved = np.isfinite(low)
     if not is_solved.any():
         return ""
     least = int(np.nanargmin(low))
-    least_low, least_high = (with_unit(float(ends[least]), units) for ends in (low, high))
+    least_low, least_high = enclosing(float(low[least]), float(high[least]), units)
     is_constant = float(np.nanmin(low)) > (1.0 - EQUAL) * float(np.nanmax(low))
     verb = "lies" if is_constant else "is least"
-    words = f"λ₁ of the body {verb} between {least_low} and {least_high}"
-    words += f": one solution for ω below {least_low}, proved of the body itself, not of the mesh"
+    body = proved_object(guarantee)
+    words = f"λ₁ of {body} {verb} between {least_low} and {least_high}"
+    words += f": one solution for ω below {least_low}, proved up to rounding"
     count, total = int(np.count_nonzero(proved[is_solved])), int(np.count_nonzero(is_solved))
     if not count:
         return words
@@ -484,11 +493,30 @@ def _accuracy(run: RunSeen) -> tuple[str, ...]:
     if bound is not None:
         largest = float(np.max(bound[run.ok], initial=0.0))  # NaN where one point has none
         if 0.0 < largest < 1.0:
-            facts.append(f"error of u proved to be at most {percent(largest)}")
+            of_polygon = run.nc.__dict__.get(GUARANTEE, "") == "polygon"
+            words = f"error of u proved to be at most {percent(largest)}"
+            facts.append(f"{words} (of the {POLYGON})" if of_polygon else words)
+        facts.append(_slip_bound(run))
     stop = str(run.nc["stop"][-1]) if "stop" in run.nc.variables else ""
     if " not met:" in stop:
         facts.append(stop.partition(":")[0])
     return tuple(filter(None, facts))
+
+
+def _slip_bound(run: RunSeen) -> str:
+    """Return how well the slips are proved to be known; "" where that was not asked for."""
+    bounds = run.take("slip_bound")
+    slips = run.take("u_T_max")
+    if bounds is None or slips is None:
+        return ""
+    widest = float(np.max(bounds[run.ok], initial=0.0))
+    if not np.isfinite(widest):
+        return "no bound of the slips is proved at some points"
+    largest = float(np.max(slips[run.ok], initial=0.0))
+    words = f"mean slips of segments proved to within {with_unit(widest, run.units, 2)}"
+    if widest >= largest:
+        return f"{words}: more than the largest slip, so it says nothing"
+    return f"{words} (largest slip {with_unit(largest, run.units)})"
 
 
 def mesh_error(run: RunSeen) -> tuple[str, str]:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
 import numpy as np
@@ -136,6 +137,19 @@ def with_unit(value: float, units: str, digits: int = 4) -> str:
     """Return a number with the prefix that suits it: 12.5 mm."""
     divisor, unit = prefix([value], units)
     return f"{number(float(value) / divisor, digits)} {pretty(unit)}".rstrip()
+
+
+def enclosing(low: float, high: float, units: str, digits: int = 4) -> tuple[str, str]:
+    """Return both ends of a range in one unit, rounded outwards: 4.111 MPa, 4.113 MPa."""
+    divisor, unit = prefix([max(abs(low), abs(high))], units)
+    context = Context(prec=digits)
+    ends = []
+    for end, rounding in ((low, ROUND_FLOOR), (high, ROUND_CEILING)):
+        context.rounding = rounding
+        scaled = f"{float(end) / divisor:.13g}"  # a prefix rounds by less
+        ends.append(float(context.create_decimal(scaled)))
+    first, second = (f"{number(end, digits)} {pretty(unit)}".rstrip() for end in ends)
+    return first, second
 
 
 def between(low: float, high: float, units: str, digits: int = 4) -> str:

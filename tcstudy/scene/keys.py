@@ -140,7 +140,7 @@ _EDGES = "{bottom: contact, left: clamped, top: free, right: free}"
 _HEAT = "{alpha: 100 W/(m^2*K), theta_bar: 20 K}"
 _LAW, _SIZE = "{law: tresca, tau: 20 MPa}", "{maxh: 10 mm}"
 MODES = ("grid", "zip", "list", *DESIGNS)
-_QUANTITIES = ("forces", "reactions", "section_force", "theta_edges", "von_mises")
+_QUANTITIES = ("forces", "reactions", "section_force", "slip_bounds", "theta_edges", "von_mises")
 
 
 def _share(least: float) -> dict[str, Any]:

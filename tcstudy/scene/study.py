@@ -76,6 +76,10 @@ def shell_name(text: str) -> tuple[str, str] | None:
     return None
 
 
+SLIP_BOUNDS = "slip_bounds"
+"""Word of `output.quantities` for proved bounds of slips and of the friction resultant."""
+
+
 @dataclass(frozen=True)
 class OutputPlan:
     """Where the data go and what beside the mandatory variables is kept.

@@ -59,7 +59,7 @@ from tcstudy.offline.requested_outputs import line_numbers
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, load_axes, of_stiffness
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import SLIP_BOUNDS, Study
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -316,7 +316,8 @@ class LevelSolver:
         values = dict[str, Any]()
         with self.times.measure("estimate"):
             if self.study.mesh.bounds_errors:
-                values |= self._bounds.look(scene, v)
+                with_slips = SLIP_BOUNDS in self.study.output.quantities
+                values |= self._bounds.look(scene, v, with_slips)
             if self.estimator is not None:
                 bound = values.get("error_bound_relative")
                 values |= self.estimator.look(index, scene, v, bound)

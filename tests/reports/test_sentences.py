@@ -162,18 +162,24 @@ def test_what_cycles_change(ends: list[float], spent: list[float], kind: str, wo
 
 def test_what_is_proved_of_the_body_itself() -> None:
     low, high = np.array([0.41, np.nan]), np.array([0.42, np.nan])
-    words = said.of_the_body(low, high, np.array([True, False]), "Pa m-1")
+    words = said.of_the_body(low, high, np.array([True, False]), "Pa m-1", "band")
     assert words.startswith(
-        "λ₁ of the body lies between 410 mPa m⁻¹ and 420 mPa m⁻¹: one solution for ω below 410"
+        "λ₁ of the body itself lies between 410 mPa m⁻¹ and 420 mPa m⁻¹: one solution for ω below 410"
     )
     assert words.endswith("; so at this point")
     several = said.of_the_body(
-        np.array([0.4, 0.8]), np.array([0.5, 0.9]), np.array([False, True]), "Pa m-1"
+        np.array([0.4, 0.8]), np.array([0.5, 0.9]), np.array([False, True]), "Pa m-1", "polygon"
     )
-    assert "is least between 400" in several
+    assert several.startswith("λ₁ of the polygon that the mesh has is least between 400")
     assert several.endswith("so at 1 of 2 points")
-    assert "so at" not in said.of_the_body(low, high, np.array([False, False]), "Pa m-1")
-    assert said.of_the_body(low[1:], high[1:], np.array([False]), "Pa m-1") == ""
+    assert "so at" not in said.of_the_body(low, high, np.array([False, False]), "Pa m-1", "band")
+    assert said.of_the_body(low[1:], high[1:], np.array([False]), "Pa m-1", "band") == ""
+
+
+def test_the_ends_of_a_proved_range_are_rounded_outwards() -> None:
+    low, high = np.array([4.11222e6]), np.array([4.11239e6])
+    words = said.of_the_body(low, high, np.array([False]), "Pa m-1", "band")
+    assert "between 4.112 MPa m⁻¹ and 4.113 MPa m⁻¹" in words
 
 
 def test_a_mesh_locks_where_its_lambda_1_is_far_above_that_of_equilibrium_elements() -> None:

@@ -12,7 +12,7 @@ import tcstudy
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenpair
 from tcstudy.contact.solve import solve_block
-from tcstudy.errors import GeometryFailed
+from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
 from tcstudy.offline.guaranteed import Band, shape_constants
@@ -203,6 +203,41 @@ def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
     proved = at["proved_unique"].sel(E=1)
     assert proved.sel(nu=0.4999999).values.tolist() == [0, 1]
     assert at["unique"].sel(nu=0.4999999, E=1).values.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize("levels", [1, 3])
+def test_the_coarsest_mesh_bounds_the_body_by_default(tmp_path: Path, levels: int) -> None:
+    """The same bounds on all levels, wherever a run begins; none with guarantee: false."""
+    text = STABILITY.replace("levels: 2, guarantee: true", f"levels: {levels}")
+    (tmp_path / "s.yaml").write_text(text)
+    data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset().load()
+    for nu, exact in ((0.3, 0.41335), (0.4999999, 0.4926)):
+        low, high = (data[f"lambda_1_{end}"].sel(nu=nu, E=1).values for end in ("low", "high"))
+        assert np.all(low < exact)
+        assert np.all(exact < high)
+        assert np.ptp(low) == np.ptp(high) == 0.0
+    assert np.all(data["proved_unique"].values == (data["omega"] < data["lambda_1_low"]).values)
+    assert "error_bound" not in data
+    assert data.attrs["guarantee"] == "band"
+    (tmp_path / "s.yaml").write_text(text.replace("maxh: 0.2,", "maxh: 0.2, guarantee: false,"))
+    assert "lambda_1_low" not in tcstudy.run(tmp_path / "s.yaml", tmp_path / "t.nc").to_dataset()
+
+
+def test_a_body_with_arcs_has_the_bounds_of_its_polygon(tmp_path: Path) -> None:
+    """In the names of variables and in the verdict; by default it has none."""
+    text = HEATED_BRACKET + "output: {quantities: [slip_bounds]}\n"
+    study = study_of(text, "mesh.levels=1", "mesh.guarantee=polygon")
+    data = tcstudy.run(study, tmp_path / "s.nc").to_dataset().load()
+    assert "of the polygon that the mesh has" in data["lambda_1_low"].attrs["long_name"]
+    assert np.isfinite(data["error_bound"]).all()
+    assert np.isfinite(data["slip_bound"]).all()
+    verdict = verdict_of(tmp_path / "s.nc")
+    assert "the polygon that the mesh has" in " ".join(verdict.trust)
+    assert "mean slips of segments proved" in " ".join(verdict.accuracy)
+    bare = tcstudy.run(study_of(HEATED_BRACKET, "mesh.levels=1"), tmp_path / "t.nc").to_dataset()
+    assert "lambda_1_low" not in bare
+    with pytest.raises(StudyError, match="slip_bounds follow from bounds of the error; add guar"):
+        study_of(text)
 
 
 def test_converges_to_the_published_value() -> None:

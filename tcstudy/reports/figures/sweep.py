@@ -434,7 +434,7 @@ def _cells(
             axes.plot(*(ends[::-1] if turned else ends), **FOLD)
     looks = (
         (EQUAL, "ω = $λ_1$" + " of the mesh" * mesh),
-        (BOUND, "bounds of $λ_1$ of the body"),
+        (BOUND, "proved bounds of $λ_1$"),
         (BOUND, None),
     )
     for above, (line, label) in zip(sweep.excess, looks, strict=False):

@@ -25,6 +25,7 @@ from tcstudy.data.reading import (
     sweep_dims,
 )
 from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, UNBALANCED, PointStatus
+from tcstudy.data.store import GUARANTEE
 from tcstudy.reports import sentences
 from tcstudy.reports.rounding import floors_of
 from tcstudy.reports.select_point import Value, axis_labels, axis_symbol, describe, matching
@@ -452,7 +453,9 @@ def _of_the_body(fine: Any) -> list[str]:
     mesh, dual = fine["lambda_1"].values.ravel(), fine["lambda_1_dual"].values.ravel()
     is_unique = fine["proved_unique"].values.ravel() == 1
     units = fine["lambda_1_low"].attrs["units"]
-    return [sentences.of_the_body(low, high, is_unique, units), sentences.locks(mesh, dual)]
+    guarantee = str(fine.attrs.get(GUARANTEE, ""))
+    proved = sentences.of_the_body(low, high, is_unique, units, guarantee)
+    return [proved, sentences.locks(mesh, dual)]
 
 
 def _point(data: Any, place: Any) -> str:
