@@ -2,10 +2,13 @@
 that can be run."""
 
 import re
+import shutil
 import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
@@ -120,6 +123,27 @@ def test_the_first_page_is_short_and_runs_in_python(
     names: dict[str, object] = {}
     exec("".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)
     assert names["result"]["status"].size == 72  # type: ignore[index]
+
+
+def test_the_guide_of_result_files_runs_in_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = "sweep={parameters.H: [16 mm, 32 mm], mesh.grading: [0.3, 0.8]}"
+    for name, *options in (("quickstart",), ("thickness_map", "--set", few)):
+        tcstudy_command("run", CONFIGS / f"{name}.yaml", "-q", *options, cwd=tmp_path, code=0)
+    for copy in ("a.nc", "b.nc"):
+        shutil.copy(tmp_path / "results" / "quickstart.nc", tmp_path / copy)
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "results" / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, Any] = {}
+    for block in blocks:
+        if "xugrid" not in block:
+            exec(block, names)
+    assert len(blocks) == 4
+    assert np.isfinite(names["slip"]).all()
+    assert names["gap"] == 0.0
+    assert names["body"]["u_T"].size == names["body"]["arclength"].size > 0
 
 
 @pytest.mark.parametrize(
