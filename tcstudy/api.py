@@ -240,7 +240,7 @@ def run(
     """
     requested = _study(study)
     if append and output is None:
-        raise UsageError("append: name the file that is to grow")
+        raise UsageError("append: name the file to append to")
     result = _result(
         requested.kind,
         requested,

@@ -39,7 +39,8 @@ FILE_COMPLETION = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 FORMER_COMMANDS = {
     "plan": "tcstudy run STUDY.yaml --dry-run",
     **dict.fromkeys(
-        ("path", "history", "fit"), "tcstudy run STUDY.yaml, which does what the study asks"
+        ("path", "history", "fit"),
+        "tcstudy run STUDY.yaml, which runs sweeps, paths, histories and fits",
     ),
     "sensitivity": "tcstudy show FILE.nc, which has the indices of a design",
     **dict.fromkeys(
@@ -55,8 +56,9 @@ INTERRUPTED = 130
 
 _DESCRIPTION = "Parametric studies of thermoelastic contact with nonmonotone, multivalued friction."
 _EPILOG = (
-    "exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 3 no memory or "
-    "no room for what is printed, 130 interrupted"
+    "exit codes: 0 all points solved, 1 some points failed, 2 invalid study or usage, 3 too "
+    "little memory or "
+    "space for the output, 130 interrupted"
 )
 OBJECTS_PER_COLLECTION = 50_000
 """New objects after which the garbage collector looks for cycles.

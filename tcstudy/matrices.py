@@ -302,6 +302,6 @@ def _stiffness(value: object, m: int) -> Array:
     except scipy.linalg.LinAlgError:
         least = float(scipy.linalg.eigvalsh(symmetric, subset_by_index=[0, 0])[0])
         eigenvalue = f"least eigenvalue {least:.1e} with its diagonal scaled to 1"
-        remedy = "the body must be held, and the sign be that of a stiffness"
+        remedy = "the body must be restrained, with the sign of a stiffness"
         raise ProblemError(f"A_tilde is not positive definite ({eigenvalue}); {remedy}") from None
     return 0.5 * (A + A.T)

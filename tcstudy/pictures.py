@@ -195,7 +195,7 @@ def _shape(study: Study) -> SceneShape:
         region=mesh.numbered(regions),
         regions=regions,
         lambda_1=lambda_1,
-        sizes=f"coarsest mesh{levels}: {counts}, longest edge {size}",
+        sizes=f"coarsest mesh{levels}: {counts}, largest edge {size}",
     )
 
 

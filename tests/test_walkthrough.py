@@ -90,7 +90,7 @@ def problem(
         ),
         (
             lambda: problem([[1, 2], [2, 1]]),
-            r"^A_tilde is not positive definite \(least eigenvalue -1",
+            r"^A_tilde is not positive definite \(smallest eigenvalue -1",
         ),
         (lambda: problem([[1, np.nan], [np.nan, 1]]), r"^A_tilde\[0, 1\] is not a finite number"),
         (lambda: problem(l_tilde=[0, np.inf]), r"^l_tilde\[1\] is not a finite number"),

@@ -141,7 +141,7 @@ def test_a_warning_of_one_geometry_says_which(tmp_path: Path) -> None:
         text + "parameters: {dip: 0 m}\nsweep: {parameters.dip: [0 m, 0.1 m]}\n", "s.yaml"
     )
     [said] = told(lambda: tcstudy.run(study, tmp_path / "out.nc"))
-    assert said.startswith("parameters.dip = 0.1 m: 1 corner of the contact line is pinned")
+    assert said.startswith("parameters.dip = 0.1 m: 1 corner of the contact line is constrained")
     tree = tcstudy.open_results(tmp_path / "out.nc")
     assert [(kept.where, str(kept)) for kept in remarks_of(tree.attrs)] == [
         ("parameters.dip = 0.1 m", said)

@@ -86,4 +86,4 @@ try:
 except tcstudy.UserFault as fault:
     said = str(fault)
 print(said)
-assert said.startswith("A_tilde is not positive definite (least eigenvalue -1.0e+00")
+assert said.startswith("A_tilde is not positive definite (smallest eigenvalue -1.0e+00")

@@ -242,11 +242,11 @@ def smooth_up_to(
     if front:
         xi.append(Singularity(1.0, "stick meets slip on Γ_C, where ξ has a kink"))
     if slip:
-        end = Singularity(1.0, "held end of Γ_C, whose half cell goes to a slipping node")
+        end = Singularity(1.0, "constrained end of Γ_C next to a slipping node")
         u_T.append(end)
         xi.append(end)
     if stick:
-        xi.append(Singularity(0.0, "held end of Γ_C, whose half cell goes to a sticking node"))
+        xi.append(Singularity(0.0, "constrained end of Γ_C next to a sticking node"))
     return {"body": body, "u_T": u_T, "xi": xi}
 
 

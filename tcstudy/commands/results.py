@@ -116,7 +116,7 @@ def _time_written(path: Path) -> int | None:
 
 _SHOW_AT = "of a run the points to list, of a convergence file the point whose tables to show"
 _SHOW_OF = (
-    "of a run with drawn points: the number whose Sobol indices to show "
+    "of a run with sampled points: the number whose Sobol indices to show "
     "(of mode: saltelli slip_length)"
 )
 
@@ -196,7 +196,7 @@ _TARGET = "folder of the fields (default: FILE), or the table (default: FILE.csv
     "write a result file for other programs: fields for ParaView, a table as CSV or JSON",
     RESULT_FILE,
     _form_option("--vtu", "body and contact line of every point, and one PVD (ParaView)"),
-    _form_option("--csv", "a row a point and level, columns `name [unit]`"),
+    _form_option("--csv", "one row per point and level, columns `name [unit]`"),
     _form_option("--json", "the same rows as objects"),
     option("-o", "--output", type=file_name, metavar="TARGET", help=_TARGET),
     at_option("only points with this value (may be repeated)"),

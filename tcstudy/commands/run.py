@@ -48,7 +48,7 @@ _JOBS = (
     "(default: as many as pay)"
 )
 _DASK = (
-    "dask scheduler whose workers do that instead: tcp://host:port; "
+    "run the work on the workers of this dask scheduler: tcp://host:port; "
     "local starts one with --jobs workers"
 )
 _FORCE = "compute again what the result file holds already, and replace results of another study"
@@ -86,8 +86,7 @@ def init(options: argparse.Namespace) -> int:
 
 
 @command(
-    "do what a study asks: solve its sweep, or follow its path or history, or find its fit; "
-    "writes a netCDF file",
+    "run a study: sweep, equilibrium path, load history or fit; writes a netCDF file",
     STUDY,
     SET,
     _output_option(_RUN_OUTPUT),

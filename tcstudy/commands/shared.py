@@ -82,7 +82,7 @@ def choice_option(*flags: str, dest: str, help: str) -> Option:
     return option(*flags, action="store_const", dest=dest, const=flags[-1][2:], help=help)
 
 
-_QUIET = "print one line: what came of it"
+_QUIET = "print one line with the outcome"
 _VERBOSE = "print all columns and rows, whatever the width of the terminal"
 _JSON = "print one JSON object instead of tables: the same numbers, not rounded, in SI units"
 PRINTING = (

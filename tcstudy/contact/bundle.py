@@ -568,7 +568,7 @@ class BundleRun:
             )
         if self.radius > 1e12 * self.unit:
             return Status.UNBOUNDED, (
-                f"f still falls at a distance of {self.radius:.1e}: it may be unbounded below; "
+                f"f still decreases at a distance of {self.radius:.1e}: it may be unbounded below; "
                 "check its growth"
             )
         rounding = 4 * np.finfo(float).eps * float(np.linalg.norm(self.x))

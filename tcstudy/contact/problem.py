@@ -205,7 +205,7 @@ class ContactProblem:
 
     @property
     def m(self) -> int:
-        """Number of contact unknowns."""
+        """Number of contact DOFs."""
         return len(self.c)
 
     @cached_property

@@ -296,7 +296,7 @@ class SolutionBlock:
         return lower
 
     def unproved(self, points: Index) -> Index:
-        """Return those of the points whose solution is not proved to have the least energy."""
+        """Return the points whose solution is not proved to be the global minimum."""
         return points[~(self.proofs.unique | self.proofs.lowest)[points]]
 
     def search(self) -> None:

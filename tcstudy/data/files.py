@@ -98,7 +98,7 @@ def _digest(stream: BinaryIO, length: int) -> bytes:
     return digest.hexdigest().encode()
 
 
-ANEW = "Run the study again with --force to make it anew"
+ANEW = "Run the study again with --force to replace it"
 AWAY = "Remove it and run the study again"
 """Remedies for a damaged file: --force replaces only what is known to be a result."""
 FINISHED = "finished"

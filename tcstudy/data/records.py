@@ -50,8 +50,8 @@ Array = NDArray[np.float64]
 class LevelRecord:
     """A mesh level and its contact line.
 
-    h_max:      longest element edge [m]
-    n_dof:      number of displacement unknowns;  n_contact: number of contact unknowns m
+    h_max:      largest element edge [m]
+    n_dof:      number of displacement DOFs;  n_contact: number of contact DOFs m
     arclength, x, y, c: (m,) contact nodes in order along Γ_C, and their segment lengths c_i [m]
     edge:       (m,) index into edge_names of the contact edge that a node lies on
     time_mesh, time_assemble: wall time of this level's mesh and matrices [s]
@@ -295,7 +295,8 @@ class Journal:
         """Set the journal aside and lock a new one. Raises StoreError."""
         old = set_aside(self.path, self._connection)
         self.warnings.append(
-            f"{self.path.name} {fault}; it is kept as {old.name} and the run starts anew"
+            f"{self.path.name} {fault}; it is kept as {old.name} and the run starts again from "
+            "the beginning"
         )
         self._connection, fault = connect(self.path)
         if fault:

@@ -585,9 +585,9 @@ NUMBER = FileVariable(
 )
 OVERRIDES = FileVariable(
     *("overrides", "str", "", "options that make the study of the geometry", (GEOMETRIES,)),
-    comment="with study_yaml, one option a line; empty where the geometry was refused",
+    comment="with study_yaml, one option per line; empty where the geometry was refused",
 )
-_UNDER_MESH = "of one mesh after the other, geometries without a mesh have none"
+_UNDER_MESH = "mesh by mesh; geometries without a mesh have none"
 MESH_COUNTS: tuple[FileVariable, ...] = (
     FileVariable(
         "mesh_node_count", "i4", "1", "mesh nodes of the geometry", (GEOMETRIES,), _UNDER_MESH
@@ -834,11 +834,11 @@ def derivatives(
     yield FileVariable(
         SENSITIVITY_STATUS, "i1", "1", "verdict on derivatives", dims, extra=verdicts
     )
-    comment = "difference of whole histories; missing where both sides differ"
+    comment = "difference of complete histories; missing where one-sided derivatives differ"
     if "step" not in dims:
-        comment = "at the solution, while its nodes keep their pieces of b"
+        comment = "at the solution, while its nodes keep their segments of b"
         events = "nodes about to slip, to stop or to pass a kink, to 1e-9"
-        variable = count(SENSITIVITY_EVENTS, "contact nodes at an event", extra={})
+        variable = count(SENSITIVITY_EVENTS, "contact nodes at a change of contact state", extra={})
         yield replace(variable, comment=events)
     for parameter, quantity in product(parameters, quantities):
         units, words = QUANTITIES[quantity]

@@ -139,13 +139,16 @@ CURVE: tuple[FileVariable, ...] = (
     _number(
         "lowest_begin",
         T,
-        "lower end of a range in which one segment has the least energy",
+        "lower end of a range in which one segment has the lowest energy",
         _INTERVAL,
     ),
     _number(
-        "lowest_end", T, "upper end of a range in which one segment has the least energy", _INTERVAL
+        "lowest_end",
+        T,
+        "upper end of a range in which one segment has the lowest energy",
+        _INTERVAL,
     ),
-    _index("lowest_piece", "segment with the least energy on the path in the range", _INTERVAL),
+    _index("lowest_piece", "segment with the lowest energy on the path in the range", _INTERVAL),
     _flag(
         "lowest_certified",
         "global minimum of the energy, proved at mid-range",
@@ -178,7 +181,7 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     ),
     _flag("solution_stable", "strict local minimum of the energy on the path", _SOLUTION, _STABLE),
     _flag(
-        "solution_lowest", "least energy on the path at its value", _SOLUTION, ("higher", "lowest")
+        "solution_lowest", "lowest energy on the path at its value", _SOLUTION, ("higher", "lowest")
     ),
     _flag("solution_unique", "unique solution of the discrete problem", _SOLUTION, CERTIFIED),
     _flag(

@@ -194,12 +194,12 @@ class ContactLine:
 
     @property
     def m(self) -> int:
-        """Number of contact unknowns."""
+        """Number of contact DOFs."""
         return len(self.nodes)
 
     @cached_property
     def unknowns(self) -> Indices:
-        """Return the contact unknowns (s, 2) at both ends of segments, −1 at held nodes."""
+        """Return the contact DOFs (s, 2) at both ends of segments, −1 at held nodes."""
         number = np.full(int(self.segments.max()) + 1, -1, dtype=np.intp)
         number[self.nodes] = np.arange(self.m)
         return number[self.segments]
@@ -264,7 +264,8 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     if len(held):
         x, y = mesh.points[segments[held[0], 0]]
         raise GeometryFailed(
-            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; "
+            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are "
+            "constrained; "
             "refine the mesh, or draw short edges that stand for a curve as arcs with through"
         )
     # half of a segment for c_i of either end; the half of a fixed end goes to the other one
@@ -384,7 +385,7 @@ def _turning(
     is_held = taken[nodes] | taken[nodes + n] | is_rotated
     if is_held.any():
         x, y = mesh.points[nodes[np.argmax(is_held)]]
-        fault = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
+        fault = f"the rigid edge {name} cannot rotate: another edge constrains it at ({x:g}, {y:g})"
         raise GeometryFailed(f"{fault}; leave out its moment", EDGES)
     length = float(np.hypot(*arms.T).max())
     ones = np.ones(len(nodes))
@@ -440,10 +441,10 @@ def _rows_along(
         return row, np.sign(sign)
     x, y = mesh.points[nodes[held[0]]]
     if fixed[row[held[0]]]:
-        fault = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it"
+        fault = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge constrains it"
         remedy = f"give it u_{'xy'[c]}: 0"
     else:  # u_N = 0 on an inclined line, along which alone the edge could move
-        fault = f"the rigid edge {name} meets an edge that holds it in a slanted direction"
+        fault = f"the rigid edge {name} meets an edge that constrains it in a slanted direction"
         remedy = "give it the role clamped, or let a free edge lie between the two"
     raise GeometryFailed(f"{fault} at ({x:g}, {y:g}); {remedy}", EDGES)
 

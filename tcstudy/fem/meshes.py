@@ -174,7 +174,7 @@ SMOOTH = 1e-6
 
 @dataclass(frozen=True)
 class Frames:
-    """Local displacement unknowns w with u = R w; row c·n + i is component c of node i.
+    """Local displacement DOFs w with u = R w; row c·n + i is component c of node i.
 
     axes:   (n, 2, 2) blocks of the orthogonal R, a local axis a column
     fixed:  (2n,) local rows that carry no unknown

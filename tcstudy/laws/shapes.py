@@ -121,12 +121,12 @@ _traction = partial(LawParameter, dimension=TRACTION, bound="not negative")
 _slip = partial(LawParameter, dimension=LENGTH, bound="positive")
 _TAU = _traction("tau", "traction, of a saw-tooth its first peak")
 _DELTA = _slip(
-    "delta", "slip over which b falls, of a saw-tooth the width of a tooth", example="40 um"
+    "delta", "slip over which b softens; for saw-tooth the width of a tooth", example="40 um"
 )
 _PEAK = _traction("tau", "traction at its peak", example="4 MPa")
 _S0 = _slip("s0", "slip at the end of the elastic branch", example="20 um")
 _optional = partial(LawParameter, required=False)
-_SF = _optional("sf", "slip at which nothing is left; or give G_f", LENGTH, "200 um")
+_SF = _optional("sf", "slip of full debonding (b = 0); or give G_f", LENGTH, "200 um")
 _GF = _optional("G_f", "fracture energy, the area below b, in place of sf", ENERGY, "400 J/m^2")
 
 
@@ -263,7 +263,11 @@ def tresca(tau: float) -> Laws:
     return _odd("tresca", [], [_Piece(0.0, tau)])
 
 
-@_shape(_traction("tau_s", "traction of rest"), _traction("tau_k", "of slip"), _DELTA)
+@_shape(
+    _traction("tau_s", "largest traction of sticking"),
+    _traction("tau_k", "traction of slip"),
+    _DELTA,
+)
 def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
     """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b =
     tau_k"""
@@ -271,7 +275,9 @@ def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
     return _odd("slip-weakening", [delta], [initial, _Piece(delta, tau_k)])
 
 
-@_shape(_traction("a", "traction of rest"), _traction("b", "of much slip"), _DELTA)
+@_shape(
+    _traction("a", "largest traction of sticking"), _traction("b", "traction of large slip"), _DELTA
+)
 def exponential(a: float, b: float, delta: float) -> Laws:
     """b = (a - b) exp(-s/delta) + b"""
     piece = _Piece(0.0, b) if a == b else _Piece(0.0, b, 0.0, a - b, 1.0 / delta)
@@ -283,7 +289,7 @@ def exponential(a: float, b: float, delta: float) -> Laws:
     _DELTA,
     LawParameter("teeth", "their number", example="3", kind="integer", least=1),
     LawParameter(
-        "drop", "share of its peak that b falls by after a tooth", example="0.5", bound="share"
+        "drop", "drop of b after a tooth, as a share of its peak", example="0.5", bound="share"
     ),
     _optional("decay", "each peak over the one before", example="0.5", default=1.0, bound="share"),
 )
@@ -333,8 +339,8 @@ def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float |
 
 
 @_shape(
-    _PEAK, _S0, replace(_SF, meaning="slip at which b has fallen to tau_r", required=True),
-    _traction("tau_r", "traction that is left", example="1 MPa"),
+    _PEAK, _S0, replace(_SF, meaning="slip at which b reaches tau_r", required=True),
+    _traction("tau_r", "residual traction", example="1 MPa"),
 )  # fmt: skip
 def trilinear(tau: float, s0: float, sf: float, tau_r: float) -> Laws:
     """b rises linearly from 0 to tau over s0, falls linearly to tau_r at sf, then b = tau_r"""
@@ -353,7 +359,7 @@ def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float 
     if energy is None:
         raise LawError(
             "sf",
-            "is missing; give the slip sf at which nothing is left, or the fracture energy G_f",
+            "is missing; give the slip sf of full debonding, or the fracture energy G_f",
         )
     if not tau > 0.0:
         raise LawError("tau", _BOUNDS["positive"][1].format(tau))
@@ -362,7 +368,8 @@ def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float 
         smallest = tau * (s1 - 0.5 * s0)
         raise LawError(
             "G_f",
-            f"must be above {smallest:g} J/m^2, what is below b up to s = {s1:g} m, not {energy:g}",
+            f"must be above {smallest:g} J/m^2, the area below b up to s = {s1:g} m, not "
+            f"{energy:g}",
         )
     return end
 

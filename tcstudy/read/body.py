@@ -326,9 +326,9 @@ def support_fault(
     rank = int(np.sum(singular > accuracy * singular[0])) if len(singular) else 0
     if rank == 3:
         return None
-    fault = "no edge is clamped and contact does not hold the body"
+    fault = "no edge is clamped and contact does not restrain rigid-body motion"
     if any(isinstance(role, Clamped) for role in roles.values()):
-        fault = "the supports do not hold the body"
+        fault = "the supports do not restrain rigid-body motion"
     remedy = "give an edge the role clamped, or prescribe the missing component"
     return f"{fault}: it can still {_motion(motions[rank:], centre, size)}", remedy
 
@@ -451,7 +451,7 @@ def check_contact_nodes(
                 continue
             fault = (
                 f"the contact edge {edge.name} of {length:g}{unit} would be one element between "
-                "corners that are held, without a free node"
+                "constrained corners, without a free node"
             )
             remedy = (
                 f"choose a smaller maxh, for example {0.5 * length:.2g}{unit}, or draw short edges "
@@ -555,7 +555,7 @@ def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, st
 def _temperature_fault(
     edges: tuple[Edge, Edge], roles: tuple[Role, Role]
 ) -> tuple[str, str, str] | None:
-    """Return (edge, fault, remedy) if the edges hold different temperatures at their corner."""
+    """Return (edge, fault, remedy) if edges prescribe different temperatures at a corner."""
     x, y = edges[0].end
     temperatures = list[float]()
     for role in roles:
@@ -567,7 +567,7 @@ def _temperature_fault(
     if not difference > 1e-9 * max(map(abs, temperatures)):
         return None
     names = f"{edges[0].name} and {edges[1].name}"
-    fault = f"{names} hold different temperatures at their corner ({x:g}, {y:g})"
+    fault = f"{names} prescribe different temperatures at their corner ({x:g}, {y:g})"
     convection = "{alpha: ..., theta_bar: ...}"
     remedy = f"make them agree there, or let one of them exchange heat: {convection}"
     return edges[1].name, fault, remedy

@@ -129,7 +129,9 @@ def read_tests(
                 ctx.errors.at(item, fault, problem.remedy)
     plans = [fit, *(test.fit for test in tests if test.fit)]
     if tests and sum(plan.count for plan in plans) <= len(fit.parameters):
-        ctx.errors.at(items, "all data together are fewer than the numbers to find", "measure more")
+        ctx.errors.at(
+            items, "all data together are fewer than the fitted parameters", "measure more"
+        )
     if ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     sha256 = fit.sha256
@@ -195,7 +197,7 @@ def _check_orthogonal(fields: Fields, plan: FitPlan, names: Sequence[str]) -> No
         fields.fault("compare", fault, "use compare: vertical")
     elif _detour(plan) > MAX_DETOUR:
         file = fields.values["data"].at("file") or fields.node
-        fault = "the data jump to and fro, but feet on a path need them in the order of the test"
+        fault = "the data are not in the order of the test, which distances to a path need"
         fields.ctx.errors.at(file, fault, "sort the lines by time, or compare: vertical")
 
 

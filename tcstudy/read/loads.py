@@ -141,7 +141,7 @@ def named_number(
     elif path[0] == "boundary" or swept_row(path) is None:
         same = [name for name in names if name.split(".")[-1] == word]
         shorter = [short for short, full in SHORT.items() if full in names]
-        reason = "it is none that is known here"
+        reason = "unknown name"
         remedy = hint(same[0] if same else word, [*names, *shorter, *more_words], remedy)
     ctx.at(node, f"{refusal} {word}: {reason}", remedy, on_key=on_key)
     return None
@@ -439,7 +439,7 @@ def _features(root: Node, scenes: Sequence[Scene], has_derived_loads: bool) -> I
     if any(isinstance(role, Rigid) for role in roles):
         yield _Feature("an edge is rigid", "none", no_edge)
     if any(scene.springs for scene in distinct(scenes, "boundary")):
-        yield _Feature("an edge rests on springs", "none", no_edge)
+        yield _Feature("an edge has springs", "none", no_edge)
     if any(role.heat is not None for role in roles):
         conflict = ""
         if has_derived_loads:

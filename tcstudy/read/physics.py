@@ -357,7 +357,7 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
     if isinstance(node.value, Mapping) and not heat_fields.values:
         remedy = "give theta, or flux, or alpha and theta_bar; without heat it is insulated"
         ctx.at(node, "says nothing", remedy)
-    _check_theta_alone(heat_fields, "theta is held on the edge")
+    _check_theta_alone(heat_fields, "theta is prescribed on the edge")
     return EdgeHeat(**heat_fields.given())
 
 
@@ -484,7 +484,7 @@ def _check_outlet(
     is_held = any(condition.theta is not None for condition in conditions.values())
     if not convection and not is_held and (conditions or heat.alpha > 0.0):
         node = root.nearest("boundary", *[*conditions][:1])
-        effect = "and none holds a temperature: no heat can leave"
+        effect = "and no edge prescribes a temperature: no heat can leave"
         if heat.alpha > 0.0:
             node = alpha
             effect = "so alpha acts nowhere"

@@ -194,7 +194,7 @@ def read_correlation(
         paths = [path_of(name.strip()) for name in key.split(",")]
         pair = [places.get(path, places.get(("parameters", *path), -1)) for path in paths]
         if len(pair) != 2 or pair[0] == pair[1] or -1 in pair:
-            fault = f"{key!r} is no pair of drawn parameters"
+            fault = f"{key!r} is not a pair of sampled parameters"
             names = ", ".join(path[-1] for path in places)
             ctx.at(item, fault, f"name two of {names}", on_key=True)
         elif not -1.0 < rho < 1.0:

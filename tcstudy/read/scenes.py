@@ -236,7 +236,7 @@ class SceneReader:
             value = str(axis.labels[index]) if axis.is_whole else axis.values[index].brief()
             words.append(f"{axis.key} = {value}")
         text = ", ".join(words)
-        return f"drawn point {indices[0]}: {text}" if is_drawn else text
+        return f"sampled point {indices[0]}: {text}" if is_drawn else text
 
     def section(self, section: str, root: Node | None) -> Any:
         """Return the record of a section of a study; None after a fault."""

@@ -191,7 +191,7 @@ class ErrorEstimator:
         plan = self.plan
         error = self.error
         if math.isnan(error):
-            return "no point was solved, so nothing says what to refine"
+            return "no point was solved, so there is no error estimate to refine by"
         reached = f"{plan.goal.kind} relative error {error:.2g} of {plan.goal.quantity}"
         is_compared = plan.goal.quantity == "energy" or (
             bool(self.before) and self.level.mesh.level >= COMPARED

@@ -72,7 +72,7 @@ class SlipFront:
              node) [m]
     doubt:   uncertainty for lack of slipping nodes: ½ width where the middle of the cell is taken,
              else 0 [m]
-    nodes:   contact unknowns on which `excess` depends
+    nodes:   contact DOFs on which `excess` depends
     slopes:  its derivatives by their u_T [1]
     hidden:  whether it lies beside a held node and no node sticks
     """

@@ -197,9 +197,9 @@ def quantity(data: Any, name: str, of_levels: Container[str] = ()) -> str:
     if name in of_levels:
         fault = f"{name!r} has a value at every node of a level, not one per point"
     elif name not in data.variables:
-        fault = f"the file has no number {name!r} by point and level"
+        fault = f"the file has no variable {name!r} by point and level"
     elif "flag_values" in data[name].attrs:
-        fault = f"{name!r} is a flag and no number"
+        fault = f"{name!r} is a flag, not a quantity"
     else:
         dims = ", ".join(map(str, data[name].dims)) or "no dimension"
         fault = f"{name!r} has the dimensions {dims}, and is not one number per point and level"

@@ -52,17 +52,17 @@ EQUAL_DISSIPATION = 1e-5
 
 PROVED = {
     "unique": "proved to be the only solution",
-    "global": "proved to have the least energy",
+    "global": "proved to be the global minimum of the energy",
     "local": "proved to be a local minimum",
-    "nothing": "a solution, nothing proved of it",
+    "nothing": "a solution without a certificate",
     "failed": "no solution",
 }
 """Meaning of the strongest proof of a solution, by the words of `text.PROOFS`."""
 PROVED_STEPS = {
     "unique": "every step proved to be the only solution",
-    "global": "every step proved to have the least energy",
+    "global": "every step proved to be the global minimum of the energy",
     "local": "every step proved to be a local minimum",
-    "nothing": "steps of which nothing is proved",
+    "nothing": "steps without a certificate",
     "failed": "ended before its last step",
 }
 """The same of the steps of a history."""
@@ -115,7 +115,7 @@ HOW = {
     "change": (
         "change: the largest relative one of max |u_T|, energy and ∫ξ (of ∫|ξ|) at all points"
     ),
-    "no change": "not estimated: nothing slips, no friction and no energy to compare",
+    "no change": "not estimated: no slip, no friction and no energy to compare",
     "one mesh": "not estimated: one mesh",
 }
 """How the mesh error is known, or why there is none."""
@@ -371,8 +371,13 @@ def least_energy_words(loads: Sequence[str], energy: Array | None, ambiguous: Fl
         return ""
     parameters = " and ".join(symbol(name) for name in loads)
     if energy is not None and from_rest_left(energy, ambiguous):
-        return f"not the loading curve over {parameters}, but the least energy; {FOLLOW_LOADING}"
-    return f"the least energy need not be the loading curve over {parameters}; {FOLLOW_LOADING}"
+        return (
+            f"not the loading curve over {parameters}, but the lowest energy found; "
+            f"{FOLLOW_LOADING}"
+        )
+    return (
+        f"the lowest energy found need not be the loading curve over {parameters}; {FOLLOW_LOADING}"
+    )
 
 
 def from_rest_left(energy: Array, ambiguous: Flags) -> bool:
@@ -428,7 +433,7 @@ def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
         low, high = proved.min(), proved.max()
         words += f" ({low} each)" if low == high else f" ({low} to {high})"
     if np.any(complete == OF_POLYGON):
-        words += " of the polygons of exponential laws"
+        words += " of the piecewise-linear approximations of exponential laws"
     return words
 
 
@@ -475,8 +480,9 @@ def locks(mesh: Array, dual: Array) -> str:
         return ""
     return (
         f"the mesh locks: its λ₁ is up to {number(ratio, 3)} times that of equilibrium elements, "
-        "so that what is certified of the mesh by ω < λ₁ need not hold of the body; refine, or go "
-        "by what is proved of the body"
+        "so that uniqueness on the mesh (ω < λ₁) need not hold for the continuous problem; "
+        "refine, or use "
+        "the proved bounds of the body"
     )
 
 
@@ -729,7 +735,7 @@ GOOD = ("as_expected", "faster")
 BAD = {"slower": "slower than expected", "pre_asymptotic": "pre-asymptotic"}
 """Verdicts of other orders, in words."""
 OPEN = {
-    "too_few_levels": ("rests on two levels", "rest on two levels"),
+    "too_few_levels": ("has only two levels", "have only two levels"),
     "exact": ("error is rounding", "errors are rounding"),
     "unknown": ("has corners that are not analysed", "have corners that are not analysed"),
 }
@@ -769,10 +775,10 @@ def orders(verdicts: Iterable[tuple[str, str]]) -> list[str]:
 KINDS = {
     "shakedown": "shake down",
     "closed": "close their loop",
-    "settled": "have settled",
+    "settled": "reach a steady cycle",
     "walking": "walk",
     "ratcheting": "ratchet",
-    "settling": "have not settled",
+    "settling": "do not reach a steady cycle",
 }
 """What the histories of a sweep do, by the kind of `cycle_change`."""
 
@@ -806,7 +812,7 @@ def cycle_change(
             words = "the last cycle leaves the slips as they were and dissipates nothing"
             return "shakedown", f"shakedown: {words}"
         was_unchanged = float(np.max(np.abs(change_before))) <= unchanged
-        return "closed", f"a closed loop: {_closed_loop(dissipated, was_unchanged, units[1])}"
+        return "closed", f"plastic shakedown: {_closed_loop(dissipated, was_unchanged, units[1])}"
     equal = max(EQUAL * largest, rounding)
     if np.max(np.abs(change - change_before)) <= equal:
         if np.ptp(change) <= equal:
@@ -816,23 +822,23 @@ def cycle_change(
         return "ratcheting", f"ratcheting: {words}"
     if largest <= EQUAL * size:
         share = f"{largest / size:.0e}"
-        words = f"settled to {share} of the slip, by which the last cycle changed it at most"
+        words = f"steady cycle: the last cycle changed slips by at most {share} of the largest"
         return "settled", words
     words = f"the last cycle changed slips by up to {moved}, unlike the one before"
-    return "settling", f"not settled: {words}"
+    return "settling", f"no steady cycle: {words}"
 
 
 def _closed_loop(dissipated: Array, was_unchanged: bool, units: str) -> str:
-    """Return what the last two cycles dissipate, of which the last leaves no slip behind.
+    """Return what the last two cycles dissipate, of which the last leaves no net slip.
 
     was_unchanged: whether the one before left none, too
     """
     before, last = dissipated[-2:]
     if abs(last - before) <= EQUAL_DISSIPATION * max(before, last) and was_unchanged:
-        return "the last two cycles dissipate the same and leave no slip behind"
+        return "the last two cycles dissipate the same and leave no net slip"
     last_energy, energy_before = (with_unit(float(spent), units, 6) for spent in (last, before))
     return (
-        f"the last cycle leaves no slip behind; it dissipates {last_energy}, "
+        f"the last cycle leaves no net slip; it dissipates {last_energy}, "
         f"the one before {energy_before}"
     )
 

@@ -243,8 +243,8 @@ def digits_lost(error: float) -> str:
         return ""
     return (
         f"λ₁ holds to {number(error, 2)} only: rounding takes its digits, as it is far below the "
-        "largest stiffness of the body (soft springs that alone hold it, or stiff springs or "
-        "materials beside soft ones); every proof takes the body softer by as much"
+        "largest stiffness of the body (a body on soft springs alone, or stiff springs or "
+        "materials beside soft ones); every proof reduces the stiffness by as much"
     )
 
 
@@ -253,7 +253,7 @@ def digits_lost(error: float) -> str:
 _REMEDIES = {
     PointStatus.NOT_CONVERGED: "try the other solver",
     PointStatus.INCLUSION_VIOLATED: "raise solver.tolerance, check the units, or coarsen the mesh",
-    PointStatus.SINGULAR: "check that the body is held and that the material is elastic",
+    PointStatus.SINGULAR: "check that the supports restrain the body and the material is elastic",
     PointStatus.MESH_FAILED: "change mesh.maxh, and look at the body for slits and slivers",
     PointStatus.ERROR: (
         "run the study again, which repeats these points; if it stays, it is a fault of the program"

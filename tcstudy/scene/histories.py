@@ -125,14 +125,15 @@ class Memory:
         if not is_odd(law):
             yield (
                 f"a history needs an odd law, b(-s) = -b(s), and {law.name} is not: "
-                "what is remembered has no sides; leave out odd: false"
+                "the internal variables have no sign; leave out odd: false"
             )
         kinks = law.kinks[law.kinks > 0.0]
         starts = np.concatenate([[0.0], kinks])
         least = float(np.min(np.concatenate([law.b(starts, +1), law.b(kinks, -1)])))
         if least < -1e-12 * law.b_scale:
             yield (
-                f"a history needs a law that opposes slip, but b falls to {least:g} Pa at s > 0 "
+                f"a history needs a law that opposes slip, but b decreases to {least:g} Pa at s "
+                "> 0 "
                 "and would push; let it end at 0"
             )
         if self.name == "elastic-plastic":
@@ -157,8 +158,9 @@ class Memory:
         if not law.omega < (k or 0.0):
             yield (
                 f"the spring is too soft for the law: stiffness k = {k:g} Pa/m must be above the "
-                f"steepest fall h = {law.omega:g} Pa/m, or the slip of a step has several values; "
-                "take a stiffer spring or a law that falls more slowly"
+                f"maximum softening slope h = {law.omega:g} Pa/m, or the slip of a step has "
+                "several values; "
+                "take a stiffer spring or a law that softens more slowly"
             )
 
 
@@ -172,8 +174,8 @@ def _unfit_for_damage(law: Laws, starts: NDArray[np.float64]) -> Iterator[str]:
 
     starts: slips at which the pieces with s > 0 begin [m]
     """
-    need = "damage needs a law whose secant b(s)/s never rises"
-    remedy = "use memory: friction, or a law that only falls"
+    need = "damage needs a law whose secant b(s)/s does not increase"
+    remedy = "use memory: friction, or a law that only softens"
     up_jumps = _up_jumps(law)
     if len(up_jumps):
         yield f"{need}, but b jumps up at s = {up_jumps[0]:g} m; {remedy}"

@@ -197,7 +197,7 @@ ROWS: tuple[Key, ...] = (
         "heat",
         "section",
         "`alpha` and `theta_bar`, or `theta` itself; "
-        "[from which zero](howto/edges.md#heat-an-edge)",
+        "[reference temperature](howto/edges.md#heat-an-edge)",
         example=_HEAT,
     ),
     needed(
@@ -225,7 +225,7 @@ ROWS: tuple[Key, ...] = (
         "[what varies](howto/sweeps.md): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`",
     ),
     key("exact", "section", "the exact solution, if you know it"),
-    key("path", "section", "[equilibria on the branch from rest](howto/paths.md)"),
+    key("path", "section", "[equilibria on the primary branch](howto/paths.md)"),
     key("output", "section", "a path, or its keys", short="path"),
     key("body.outline", "sections", "edges in their order around the body", least=2),
     key("body.rectangle", "section", "body with the edges bottom, right, top, left", of=("block",)),
@@ -328,7 +328,7 @@ ROWS: tuple[Key, ...] = (
     load(
         "boundary.pressure",
         "field",
-        "pressure on the edge, positive when it pushes",
+        "pressure on the edge, positive in compression",
         u.TRACTION,
         roles=LOADED,
     ),
@@ -464,7 +464,7 @@ ROWS: tuple[Key, ...] = (
     swept(
         "mesh.marking",
         "number",
-        "bulk (Dörfler) marking parameter: share of the error that is refined",
+        "bulk (Dörfler) marking parameter, as a share of the squared error",
         u.NONE,
         "0.5",
         default=_MESH.marking,
@@ -562,15 +562,15 @@ ROWS: tuple[Key, ...] = (
     key(
         "sweep.points",
         "sweep points",
-        "list or table of points, or the number of drawn points",
+        "list or table of points, or the number of sampled points",
         example="[...]",
         of=("point",),
     ),
-    key("sweep.seed", "integer", "seed of the drawn points", example="7", default=0, least=0),
+    key("sweep.seed", "integer", "seed of the sampled points", example="7", default=0, least=0),
     key(
         "sweep.correlation",
         "named quantities",
-        "correlation of drawn parameters, by pairs",
+        "correlation of sampled parameters, by pairs",
         example='{"E, tau_s": 0.6}',
     ),
     key(
@@ -616,7 +616,7 @@ ROWS: tuple[Key, ...] = (
     needed(
         "fit.parameters",
         "fitted numbers",
-        "parameters to find",
+        "fitted parameters by name",
         of=("fit_parameter",),
         example=_FITTED,
     ),
@@ -703,7 +703,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "path.law_error",
         "number",
-        "relative error of the polygon that replaces a smooth law",
+        "relative error of the piecewise-linear approximation of a smooth law",
         above=0.0,
         default=_PATH["law_error"],
     ),
@@ -717,7 +717,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "output.sensitivity",
         "words",
-        "parameters by which results are differentiated",
+        "sensitivities of results with respect to these parameters",
         example="[friction.delta, E]",
     ),
     key(
@@ -737,7 +737,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "output.live",
         "flag",
-        "keep what a page needs to solve by itself (half a megabyte a level)",
+        "keep data that a page needs to solve by itself (half a megabyte per level)",
         default=False,
     ),
     key(

@@ -127,7 +127,7 @@ class MeshPlan:
                step carry
     goal:      what adaptive meshes are refined for, and what the tolerance is of
     tolerance: relative error at which refinement stops, None for all levels
-    max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not
+    max_dofs:  displacement DOFs beyond which an adaptive family or one with a tolerance is not
                refined
     estimate:  whether errors are estimated on meshes that do not need it
     guarantee: what is proved of the body, not of its mesh. "band": bounds of λ₁, of a body without

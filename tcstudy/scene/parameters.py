@@ -218,7 +218,7 @@ def numbers(scene: Scene) -> Found:
     for path, role in roles:
         if role.word not in LOADED:
             continue
-        idle = "" if any(role.spring) else "the edge rests on no springs"
+        idle = "" if any(role.spring) else "the edge has no springs"
         for spring_row, stiffness in zip(rows("spring").values(), role.spring, strict=True):
             yield (*path, "spring", spring_row.name), Number(spring_row, stiffness, idle)
     if isinstance(scene.friction, EdgeLaws):

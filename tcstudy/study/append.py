@@ -36,7 +36,7 @@ def appended(path: Path, new: Study) -> tuple[Study, Study]:
     if lines:
         raise StoreError(
             f"{path} holds another study, not only another sweep ({'; '.join(lines[:5])}); give "
-            "another --output, or --force to compute all anew"
+            "another --output, or --force to compute all points again"
         )
     return old, merge_studies(old, new)
 

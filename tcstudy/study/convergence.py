@@ -316,7 +316,7 @@ def _nesting_notes(study: Study, levels: Sequence[SolvedLevel]) -> list[str]:
     if study.mesh.nested and not np.ptp(areas) > EQUAL_AREAS * areas[-1]:
         return []
     return [
-        "Levels are no uniform refinements of one another, or the boundary is curved: a coarse "
+        "Levels are not uniform refinements of each other, or the boundary is curved: a coarse "
         "solution counts on each triangle of the reference as what it is at its centre, which is "
         "exact where the reference refines its mesh."
     ]
@@ -584,7 +584,8 @@ def _stuck_note(points: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             stuck_count += 1
     if stuck_count:
         yield (
-            f"The error of u does not fall at {stuck_count} of {len(points)} points, as where the "
+            f"The error of u does not decrease at {stuck_count} of {len(points)} points, as "
+            "where the "
             "exact solution does not belong to the loads, supports and material of the study. "
             "Check them, or let the loads follow from it with loads: derived."
         )

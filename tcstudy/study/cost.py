@@ -136,7 +136,7 @@ def measure(
     if any(_is_uncertified(curve.levels[-1].solutions[solvers[0]]) for curve in curves):
         notes.append(
             "The solution is not certified to be the only one: meshes and solvers may have found "
-            "different ones, which shows as an error that does not fall."
+            "different ones, which shows as an error that does not decrease."
         )
     for quantity in MEASURES:
         error = values.get(f"error_{quantity.name}")

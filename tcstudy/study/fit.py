@@ -257,7 +257,7 @@ def _fits(
     if not minima and plan.starts == 1:
         raise FitError(failures[0])
     if not minima:
-        raise FitError(f"no start led to a result: {failures[0]}")
+        raise FitError(f"no starting point gave a result: {failures[0]}")
     return minima, failures
 
 

@@ -385,7 +385,7 @@ def keeps_solutions(study: Study) -> bool:
 def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
     """Return the blocks of a level in the order in which they are solved.
 
-    m: contact unknowns;  n_points: nodes of the mesh
+    m: contact DOFs;  n_points: nodes of the mesh
     """
     materials, material_of_point = combinations(study.scenes, *of_stiffness(study.scenes))
     ratio = _numbered(Level.ratio(scene) for scene in materials)[material_of_point]
@@ -440,7 +440,7 @@ class NeighbourSolutions:
     def __init__(self, study: Study, m: int, order: Places) -> None:
         """Store no solution yet.
 
-        m: contact unknowns;  order: (P,) places in the order in which they are solved
+        m: contact DOFs;  order: (P,) places in the order in which they are solved
         """
         self._shape = study.shape
         self._rank = np.argsort(order)

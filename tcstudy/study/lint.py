@@ -4,7 +4,7 @@ Every study is looked at: no load, a body softer than its loads, unused names, a
 temperatures, a curve that is a polygon, and volumetric locking of P1 elements in plane strain. The
 loss by locking is measured on a solution that does not depend on ν: unit square, displacement given
 on three sides, contact with a linear law below, u = curl(sin(πx)(y + ky²/2μ)), div u = 0, so that
-only the discretisation feels λ; longest element edge 0.048 (2,300 unknowns). The remedy within P1
+only the discretisation feels λ; largest element edge 0.048 (2,300 unknowns). The remedy within P1
 is a finer mesh: errors fall once h² λ/μ ≲ 1.
 
 The face of a body from a STEP or BREP file is built before any work starts. An outline is judged
@@ -123,7 +123,7 @@ def _pinned(study: Study, geometry: Geometry | None) -> Iterator[str]:
     if body.brep is not None:
         remedy = "make it arcs or splines in the file"
     yield (
-        f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; "
+        f"{count} {corners} constrained: u_N = 0 on both sides prevents slip there; "
         f"if short straight edges stand for a curve, {remedy}"
     )
 
@@ -347,7 +347,7 @@ def _coarse(study: Study, measures: Measures) -> Iterator[str]:
     remedy = f"take elements of {_length(study, zone / CELLS_IN_ZONE)} or less"
     yield note(
         f"elements of {_length(study, element)} are long for a softening zone of {zone_words}",
-        f"{cells:.2g} cells in it: a strip debonds at loads {bound}{error:.2g} % too high "
+        f"{cells:.2g} elements in it: a strip debonds at loads {bound}{error:.2g} % too high "
         f"({examples}).",
         f"{remedy}: a smaller mesh.maxh or more levels",
     )
@@ -414,7 +414,7 @@ def unused(study: Study) -> list[str]:
     without_numbers = ("title", "institution", "units", "parameters")
     users = [node for key, node in sections.items() if key not in without_numbers]
     needed = names_needed(parameters, users)
-    problem = "no number of the study uses this name"
+    problem = "this parameter is never used"
     remedy = "write it where it is meant, or remove it"
     faults: list[LocatedFault] = [
         (("parameters", name), problem, remedy) for name in parameters.value if name not in needed
@@ -547,7 +547,7 @@ def locking_notes(scenes: Sequence[Scene]) -> list[str]:
         f"nu = {nu:.12g} in plane strain: P1 elements lock. On a test with h = 0.048 of its size, "
         f"at nu = {near:g} u is off by {energy:g} % (energy norm) and u_T by {slip:g} %, against "
         f"{usual_energy:g} % and {usual_slip:g} % at nu = 0.3, and λ₁ of the mesh is far above "
-        "that of the body. Trust only levels with settled rates, and refine; "
+        "that of the body. Trust only levels in the asymptotic range, and refine; "
         "mesh.guarantee: true says what is true of the body."
     ]
 

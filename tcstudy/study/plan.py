@@ -185,7 +185,7 @@ def _left_out(study: Study) -> Iterator[str]:
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     mesh = study.mesh
     if study.exact is not None and study.exact.derived:
-        yield "loads, and what edges hold, are derived from the exact solution"
+        yield "loads and prescribed values are derived from the exact solution"
     if study.design is not None:
         yield study.design.note
     yield from idle_notes(study)
@@ -228,7 +228,7 @@ def _notes_on_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Itera
     if ratio > MAX_LENGTH_TO_HEIGHT:
         yield (
             f"elements on the contact line are {ratio:.2g} times as long as the body is high "
-            "there: they push nodes back before the front that comes to them, so that path and "
+            "there: nodes ahead of the front slip backwards, an artefact, so that path and "
             "lowest state may differ by some per cent; choose a smaller mesh.maxh or more levels"
         )
 
@@ -320,7 +320,7 @@ def resources(study: Study, forecast: Plan, workers: int = 1) -> Resources:
 class Trial(NamedTuple):
     """The time of points on a small mesh.
 
-    n_dof, n_contact: its displacement and contact unknowns
+    n_dof, n_contact: its displacement and contact DOFs
     body:  CPU time of a run of few points [s]
     point: CPU time of each further point [s]
     """
@@ -359,9 +359,9 @@ def _factor_cost(study: Study) -> float:
 def unknown(study: Study) -> str:
     """Return why the time of a run cannot be forecast; empty if a trial tells it."""
     if study.history is not None:
-        return "a step of a history takes as long as what slips and jumps in it asks for"
+        return "the time of a history step depends on its slips and jumps"
     if study.kind in ("path", "fit"):
-        return f"a {study.kind} takes as many steps as what slips and jumps on it asks for"
+        return f"a {study.kind}: the number of segments depends on the solution"
     if study.mesh.open_ended:
         return "the estimated error decides about the meshes"
     if not study.solver.in_blocks:

@@ -66,7 +66,7 @@ class LevelForecast:
     """Sizes of a mesh level.
 
     h: target element size [m];  nodes: of the mesh
-    n_dof: displacement unknowns;  n_contact: contact unknowns
+    n_dof: displacement DOFs;  n_contact: contact DOFs
     exact: whether they are counted, not predicted
     """
 
@@ -224,7 +224,7 @@ def meshing_seconds(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> float:
 def history_resources(study: Study, n_dof: int, m: int) -> Resources:
     """Return what the steps of one point take.
 
-    n_dof: displacement unknowns;  m: contact unknowns
+    n_dof: displacement DOFs;  m: contact DOFs
     """
     assert study.history is not None
     seconds_per_point = contact_seconds(study, m) / len(study.scenes)
@@ -283,7 +283,7 @@ def _bytes_of_geometries(study: Study) -> int:
 
 T = TypeVar("T")
 BlockExecutor = Callable[[Study, int], SerialExecutor]
-"""(study, contact unknowns of a level) → who solves its blocks."""
+"""(study, contact DOFs of a level) → who solves its blocks."""
 MIN_SECONDS_PER_WORKER = 2.0
 """Work from which a worker is worth its start, which takes about half a second."""
 MEMORY_SHARE = 0.5
@@ -307,7 +307,7 @@ def worker_count(seconds: float, jobs: int | None, start: float = 0.0) -> int:
 
 
 def block_workers(study: Study, m: int, jobs: int | None = None) -> int:
-    """Return the number of workers for the blocks of a level with m contact unknowns.
+    """Return the number of workers for the blocks of a level with m contact DOFs.
 
     Points that are not solved in blocks leave workers nothing.
     """
@@ -376,7 +376,7 @@ class WorkerPool:
         return max(block_workers(study, level.n_contact, self.jobs) for level in levels)
 
     def executor_of_blocks(self, study: Study, m: int) -> SerialExecutor:
-        """Return who solves the blocks of a level with m contact unknowns."""
+        """Return who solves the blocks of a level with m contact DOFs."""
         if self._cluster is not None:
             return self._cluster if study.solver.in_blocks else SerialExecutor()
         return self._of(block_workers(study, m, self.jobs))

@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "configs" / "quickstart.yaml"
 LEVELS = {3: 9, 4: 9, 5: 5, 6: 3, 7: 3}
-"""Levels, from 3.8e3 to 9.9e5 displacement unknowns, and runs of each."""
+"""Levels, from 3.8e3 to 9.9e5 displacement DOFs, and runs of each."""
 ASYMPTOTIC = 1e4
 """Unknowns from which exponents are fitted."""
 STAGES = (

@@ -25,10 +25,10 @@ def test_a_spring_or_a_second_contact_edge_holds_the_body(end: str) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("force: [5 N/m, 0]", r"end cannot move in y: another edge holds it .*give it u_y: 0"),
+        ("force: [5 N/m, 0]", r"end cannot move in y: another edge constrains it .*give it u_y: 0"),
         (
             "moment: 5 N",
-            r"end cannot turn: another edge holds it at \(1, 0\); leave out its moment",
+            r"end cannot rotate: another edge constrains it at \(1, 0\); leave out its moment",
         ),
     ],
 )

@@ -101,7 +101,7 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
     (point,) = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
     assert point.reason == "ArithmeticError: made to fail"
     assert isinstance(records[-1], LevelRecord)
-    assert records[-1].stop == "no point was solved, so nothing says what to refine"
+    assert records[-1].stop == "no point was solved, so there is no error estimate to refine by"
 
 
 def test_parts_with_much_of_the_error_are_cut_several_times_and_what_an_end_cell_hides_is_halved_with_it() -> (

@@ -28,7 +28,7 @@ def test_words(sentence: str, words: str) -> None:
         ([], ["no order is measured: there is no reference"]),
         (
             [("u", "too_few_levels")] * 3 + [("ξ", "exact")],
-            ["no order can be judged: 3 rest on two levels, 1 error is rounding"],
+            ["no order can be judged: 3 have only two levels, 1 error is rounding"],
         ),
         ([("u", "as_expected"), ("ξ", "faster")], ["2 of 2 orders are as expected or better"]),
         (
@@ -78,7 +78,12 @@ def test_a_number_of_equilibria_is_proved_or_at_least() -> None:
         ([3, 5], [1, 0], "all equilibria proved at 1 of 2 (3 each)"),
         ([3, 3], [1, 1], "all equilibria proved at 2 of 2 (3 each)"),
         ([3, 5], [1, 1], "all equilibria proved at 2 of 2 (3 to 5)"),
-        ([3, 5], [2, 1], "all equilibria proved at 2 of 2 (3 to 5) of the polygons of exponential laws"),
+        (
+            [3, 5],
+            [2, 1],
+            "all equilibria proved at 2 of 2 (3 to 5) of the piecewise-linear approximations of "
+            "exponential laws",
+        ),
     ],
 )  # fmt: skip
 def test_how_many_equilibria_are_proved_to_be_all(
@@ -120,13 +125,13 @@ def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_star
             [1.0, 1.0, 1.0],
             [1.0, 1.0],
             "closed",
-            "a closed loop: the last two cycles dissipate the same and leave no",
+            "plastic shakedown: the last two cycles dissipate the same and leave no",
         ),
         (
             [1.0, 1.2, 1.2],
             [1.0, 1.0],
             "closed",
-            "a closed loop: the last cycle leaves no slip behind",
+            "plastic shakedown: the last cycle leaves no net slip",
         ),  # the first did
         (
             [1.0, 1.1, 1.2],
@@ -138,10 +143,15 @@ def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_star
             [1.0, 1.1, 1.3],
             [1.0, 1.0],
             "settling",
-            "not settled: the last cycle changed slips by up to 0.2",
+            "no steady cycle: the last cycle changed slips by up to 0.2",
         ),
-        ([1.0, 1.1, 1.1 + 1e-7], [1.0, 1.0], "settled", "settled to 9e-08 of the slip"),
-        ([1.0, 1.1, 1.1 + 3e-6], [1.0, 1.0], "settling", "not settled"),
+        (
+            [1.0, 1.1, 1.1 + 1e-7],
+            [1.0, 1.0],
+            "settled",
+            "steady cycle: the last cycle changed slips by at most 9e-08",
+        ),
+        ([1.0, 1.1, 1.1 + 3e-6], [1.0, 1.0], "settling", "no steady cycle"),
         (
             [1.0, 1.0 + 1e-7, 1.0 + 2e-7],
             [1.0, 1.0],

@@ -152,7 +152,12 @@ def test_a_point_where_next_to_nothing_happens_is_no_mesh_error() -> None:
     ("from_zero", "lowest", "branch", "words"),
     [
         ([1.0, 2.0, 3.0], [1.0, 2.0, 2.5], "lowest", "not the loading curve over θ̄"),
-        ([1.0, 2.0, 3.0], [1.0, 2.5, 3.5], "lowest", "the least energy need not be the loading"),
+        (
+            [1.0, 2.0, 3.0],
+            [1.0, 2.5, 3.5],
+            "lowest",
+            "the lowest energy found need not be the loading",
+        ),
         ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], "lowest", ""),
         ([1.0, 2.0, 3.0], [1.0, 2.0, 2.5], "continued", ""),
     ],

@@ -148,5 +148,5 @@ def test_an_error_that_does_not_fall_is_noted() -> None:
 
     assert stuck(0.5, 0.4) == stuck(0.5) == stuck(1e-12, 1e-12) == []
     [note] = stuck(0.5, 0.49)
-    assert note.startswith("The error of u does not fall at 1 of 1 points")
+    assert note.startswith("The error of u does not decrease at 1 of 1 points")
     assert [*convergence._stuck_note([{}])] == []

@@ -71,7 +71,9 @@ def test_limits_and_polygons_are_told_and_claim_nothing(tmp_path: Path) -> None:
     )
     assert found["complete"].values.ravel().tolist() == [2]
     assert (
-        verdict_of(tmp_path / "decay.nc").trust[1].endswith("of the polygons of exponential laws")
+        verdict_of(tmp_path / "decay.nc")
+        .trust[1]
+        .endswith("of the piecewise-linear approximations of exponential laws")
     )
 
 

@@ -76,7 +76,7 @@ def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
 
 REFUSED_HISTORIES = (
     ({"step: step, ": ""}, "fit.data: a fit of a history needs a column step; add {step:"),
-    ({"step: step": "boundary.right.u_x: step"}, "be boundary.right.u_x: it is none that is known here; name one of"),
+    ({"step: step": "boundary.right.u_x: step"}, "boundary.right.u_x: unknown name; name one of"),
     ({"starts: 1": "compare: orthogonal"}, "distances to a path are of one monotone load, but the study has a history"),
     ({"in: 4": "in: 3"}, "the history has no step 15; steps are 0 for the study as it is written, then 1 to 14"),
     ({"friction.points.1: {start: 5 MPa": "boundary.right.u_x: {start: 5 mm", "[0.2 MPa, 30 MPa]": "[1 mm, 9 mm]"},
@@ -317,7 +317,7 @@ REFUSED = {
     (
         'u_T_max: "u',
         'u_Tmax: "u',
-    ): "no column can be u_Tmax: it is none that is known here; did you mean 'u_T_max'",
+    ): "no column can be u_Tmax: unknown name; did you mean 'u_T_max'",
     ("friction.tau:", "body.rectangle.width:"): "it moves the mesh",
     (
         "alpha_T: {start: 8e-6 1/K, within: [1e-6 1/K, 1e-4 1/K]",

@@ -47,7 +47,7 @@ def test_corners_of_chords_are_pinned_and_smooth_junctions_of_arcs_are_not() -> 
     rest = "{from: [1.5, 1.5], edge: b}, {from: [0.5, 1.5], edge: c}, {from: [0, 1.5], edge: d}]"
     chords = "".join(f"{{from: {point}, edge: a}}, " for point in at)
     [note] = plain(f"outline: [{chords}{rest}")
-    assert note.startswith("7 corners of the contact line are pinned")
+    assert note.startswith("7 corners of the contact line are constrained")
     assert "through: [x, y]" in note
     arcs = "".join(f"{{from: {at[i]}, edge: a, through: {at[i + 2]}}}, " for i in (0, 4))
     assert plain(f"outline: [{arcs}{rest}") == []
@@ -219,7 +219,7 @@ def test_names_that_nothing_uses_are_said_with_their_line(tmp_path: Path) -> Non
     file.write_text(
         SI.replace("293 K", "20 K").replace("width: 2", 'width: "0.5*w + height"') + idle
     )
-    said = "no number of the study uses this name; write it where it is meant, or remove it"
+    said = "this parameter is never used; write it where it is meant, or remove it"
     assert lint(read_study(file)) == [
         f"{file}:8:{c}: parameters.{n}: {said}" for c, n in ((9, "lost"), (18, "more"))
     ]
@@ -243,7 +243,8 @@ mesh: {maxh: 2 mm, levels: 2}
 """
 """The strip ends on three edges of the face, the heater lies inside."""
 HELD = (
-    "study.yaml:10:3: boundary: no edge is clamped and contact does not hold the body: it can still"
+    "study.yaml:10:3: boundary: no edge is clamped and contact does not restrain rigid-body "
+    "motion: it can still"
 )
 ROLES = "bottom: contact\n  sides: free\n  bore: clamped"
 
@@ -371,7 +372,8 @@ def test_pinned_corners_of_a_file_are_counted(tmp_path: Path) -> None:
         [0.02, 0.015]
     ]
     (tmp_path / "boat.yaml").write_text(BOAT.replace("HULL", ", ".join(map(str, named))))
-    [note] = [note for note in plan(read_study(tmp_path / "boat.yaml")).notes if "pinned" in note]
+    notes = plan(read_study(tmp_path / "boat.yaml")).notes
+    [note] = [note for note in notes if "contact line are constrained" in note]
     assert note.startswith("6 corners")
     assert "make it arcs or splines in the file" in note
 

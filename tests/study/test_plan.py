@@ -259,7 +259,7 @@ STRIPS = RECTANGLE.replace("width: 2, height: 1}}", f"width: 2, height: 1}}, {TH
 
 
 def of_run(study: Study) -> list[tuple[int, int, int]]:
-    """Nodes, displacement and contact unknowns of the levels that a run makes."""
+    """Nodes, displacement and contact DOFs of the levels that a run makes."""
     family, scene = Family(study), study.scenes[0]
     levels = [Level(family.next(i), scene, (scene,)) for i in range(study.mesh.levels)]
     return [(level.mesh.n_points, level.frames.n_dof, level.line.m) for level in levels]

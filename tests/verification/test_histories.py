@@ -47,7 +47,7 @@ def test_rail_through_a_year(tmp_path: Path) -> None:
     tension = np.abs(np.cumsum((data["xi"].values[autumn] * data["c"].values)[::-1])).max() * a_rail
     assert tension == pytest.approx(386.568e3, rel=0.03)  # half a cell of 38.66 m
     assert (
-        "a closed loop: the last cycle leaves no slip behind; it dissipates 42" in said
+        "plastic shakedown: the last cycle leaves no net slip; it dissipates 42" in said
     )  # more than the virgin one
 
 
@@ -72,7 +72,7 @@ def test_strip_pulled_let_go_and_pulled_again(tmp_path: Path) -> None:
         "pulled": 220.59121,
         "pushed": -110.29560,
         "pulled again": 220.59121,
-        "let go": 40.107492,
+        "unloaded": 40.107492,
     }
     for name, value in expected.items():
         assert force[name] == pytest.approx(value, rel=6e-4), name

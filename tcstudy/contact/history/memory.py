@@ -357,8 +357,8 @@ SUMS = ("work", "dissipated", "dissipation", "closure", "released", "parts", "it
 """Numbers of a step that are sums over its parts."""
 NO_NODE = np.False_
 UNDETERMINED = (
-    "all nodes slide at their limit, so that how far the body has moved as a whole is not "
-    "determined: put a contact node where the slip changes its direction (another number of "
+    "all nodes slip at their limit, so that the rigid-body motion is not "
+    "unique: put a contact node where the slip changes its direction (another number of "
     "elements)"
 )
 

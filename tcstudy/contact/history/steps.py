@@ -171,7 +171,7 @@ class ContinuedStep:
                 return False
             if self.t == 1.0:
                 return True
-        self.reason = f"a node turns back or jumps more than {MAX_PARTS} times"
+        self.reason = f"a node reverses its slip or jumps more than {MAX_PARTS} times"
         return False
 
     def load_at(self, t: float) -> Array:

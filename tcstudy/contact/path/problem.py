@@ -56,7 +56,7 @@ class ParametricProblem:
 
     @property
     def m(self) -> int:
-        """Number of contact unknowns."""
+        """Number of contact DOFs."""
         return len(self.c)
 
     @cached_property
@@ -245,14 +245,14 @@ class PathStatus(Enum):
     """Reasons why a path was not followed further, as sentences for the user."""
 
     RANGE_END = "the parameter reached the end of the range that the path may use"
-    CLOSED_LOOP = "the path is a closed loop and came back to its start"
-    UNBOUNDED = "the last piece goes on without bound and no node changes its piece any more"
+    CLOSED_LOOP = "the path is a closed branch and returned to its start"
+    UNBOUNDED = "the last segment is unbounded: no node changes its segment any more"
     PIECE_LIMIT = (
-        "the limit on the number of pieces was reached; raise max_pieces to follow it further"
+        "the limit on the number of segments was reached; raise max_pieces to follow it further"
     )
     UNSTABLE = "the stable branch ends here"
     TURNED_BACK = (
-        "the path came back to a piece it had been on: branches meet at a bifurcation; "
+        "the path returned to a segment that it had passed: branches meet at a bifurcation; "
         "start again from another solution to follow the others"
     )
     SINGULAR = (
@@ -264,7 +264,7 @@ class PathStatus(Enum):
         "the problem is too badly conditioned for it, raise the tolerance or check the units"
     )
     START = "the path was followed from here in one direction only"
-    TURNS = "a node turns back here"
+    TURNS = "a node reverses its slip here"
 
     @property
     def reason(self) -> str:

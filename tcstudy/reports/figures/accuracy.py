@@ -52,7 +52,7 @@ def convergence_figure(
 ) -> tuple[Figure, str]:
     """Return the errors of one sweep point, the first unless named, and its name.
 
-    Raises DrawError if all errors are rounding, or there is no reference.
+    Raises DrawError if all errors are at rounding level, or there is no reference.
     """
     where = locate(data, point)
     selected, words = data.isel(where), describe(data, where)
@@ -84,7 +84,7 @@ def _legend(data: Any, selected: Any) -> list[str]:
     if "pre_asymptotic" in states:
         legend.append("dashed: pre-asymptotic")
     if "guess" in states:
-        legend.append(f"pale: a guess ({sentences.GUESS}) from two levels")
+        legend.append(f"pale: two levels, not judged ({sentences.GUESS})")
     if is_failed:
         legend.append("hollow: did not converge")
     return legend
@@ -122,7 +122,7 @@ def convergence_panels(selected: Any) -> dict[str, Panel]:
     Solutions that did not converge are hollow and not joined.
     """
     h = selected["h_max"].values
-    h_axis = scale("longest element edge h", h, str(selected["h_max"].attrs["units"]))
+    h_axis = scale("largest element edge h", h, str(selected["h_max"].attrs["units"]))
     panels = dict[str, Panel]()
     for symbol, title in GROUPS.items():
         measures = [m.name for m in shown(selected) if m.symbol.split(" ")[0] == symbol]
@@ -239,9 +239,9 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     """Return the panels of an error over time and over unknowns."""
     measured = settings(data, measure)
     error = Scale(f"relative error of {SYMBOLS[measure]}")
-    time_axis = Scale("wall time [s]: least of all runs, band to the upper quartile")
+    time_axis = Scale("wall time [s]: shortest of all runs, band to the upper quartile")
     time = Panel(time_axis, error, log=(True, True), grid=True)
-    unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True), grid=True)
+    unknowns = Panel(Scale("displacement DOFs N"), error, log=(True, True), grid=True)
     families, solvers = data["family"].values.tolist(), data["solver"].values.tolist()
     on_front = {(setting.family, setting.solver) for setting in front(measured)}
     for family in families:

@@ -396,7 +396,7 @@ class Sheet:
         if self.height < least:
             least *= 2.54
             raise DrawError(
-                f"size: {least:.1f} cm is the least height of this picture with such a width"
+                f"size: {least:.1f} cm is the smallest height of this picture at that width"
             )
         self.heights, edge = heights, EDGE * self.em
         self.figure = Figure((self.width, self.height), dpi=look.dpi, layout="constrained")
@@ -511,7 +511,7 @@ class Sheet:
                         figure
                     )  # labels were measured beside a panel that its shape had made smaller
             except UserWarning as error:
-                raise DrawError("size: panels find no room; ask for a larger picture") from error
+                raise DrawError("size: the panels do not fit; choose a larger picture") from error
         figure.set_layout_engine("none")
         for legend in figure.legends:
             legend.set_bbox_to_anchor(self._rect, figure.transFigure)

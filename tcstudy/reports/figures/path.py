@@ -84,7 +84,7 @@ ASKED: dict[str, Any] = {
     "linestyle": "none",
     "zorder": 7,
 }
-LEAST = (("#5aa9dc", "global minimum (proved)"), ("#c3dff2", "least energy on the path"))
+LEAST = (("#5aa9dc", "global minimum (proved)"), ("#c3dff2", "lowest energy on the path"))
 COLOURS = ("#dedede", "#7fb8de", "#f2c14e", "#d55e00", "#b7a3d6")
 """Colours of `ContactState`."""
 
@@ -166,7 +166,7 @@ def _draw_branches(panel: Panel, data: Any, response: str) -> None:
 
 
 def _draw_least_energy(panel: Panel, data: Any, response: str) -> None:
-    """Draw a broad band behind the curve where the solution has the least energy on the path."""
+    """Draw a broad band behind the curve where the solution has the lowest energy on the path."""
     t, y = data["parameter"].values, response_of(data, response)
     ends = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1)
     piece, proved = data["lowest_piece"].values, data["lowest_certified"].values.astype(bool)
@@ -208,7 +208,7 @@ def _draw_hysteresis(panel: Panel, data: Any, response: str) -> None:
 def _state_panel(data: Any, curve: Panel) -> Panel:
     """Return the states of the contact line over the parameter, below a response curve."""
     nodes, arclength, cuts = contact_nodes(data)
-    panel = Panel(curve.x, arclength, "State of the contact line: least energy on the path")
+    panel = Panel(curve.x, arclength, "State of the contact line: lowest energy on the path")
     panel.limits = [curve.limits[0], (0.0, float(arclength(cuts[-1])))]
     if "lowest_begin" in data and data["lowest_begin"].size:
         ends = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1)

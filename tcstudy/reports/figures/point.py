@@ -50,8 +50,8 @@ def point_figure(
         rows, heights = [["body"], *rows], [shape.height, *heights]
     mesh = [
         f"level {picture.level}",
-        f"longest element edge {with_unit(float(at['h_max']), line.length_units, 3)}",
-        f"{int(at['n_dof'])} displacement unknowns",
+        f"largest element edge {with_unit(float(at['h_max']), line.length_units, 3)}",
+        f"{int(at['n_dof'])} displacement DOFs",
         f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
     ]
     sheet = Sheet(
@@ -173,7 +173,7 @@ def stick_text(line: LineFields) -> str:
     if line.sticks.all():
         return "all of it sticks (shaded)"
     share = line.c[line.sticks].sum() / line.c.sum()
-    return f"the shaded part sticks ({100.0 * share:.1f} %), the rest slips"
+    return f"the shaded part sticks ({100.0 * share:.1f} %), otherwise slip"
 
 
 def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
@@ -373,7 +373,7 @@ def _facts(point: Picture) -> list[str]:
     if "lambda_1" in at and np.isfinite(at["lambda_1"]):
         units = str(at["omega"].attrs.get("units", "1"))
         omega, lambda_1 = (with_unit(float(at[name]), units, 3) for name in ("omega", "lambda_1"))
-        steep = f"steepest fall ω = {omega}, stiffness λ_1 = {lambda_1}"
+        steep = f"maximum softening slope ω = {omega}, stiffness λ_1 = {lambda_1}"
         if (error := float(at["lambda_1_error"])) > LAMBDA_1_TOLERANCE:
             steep += f" (relative error {number(error, 2)})"
     return [

@@ -333,7 +333,7 @@ def _softening(study: Study, lambda_1: float | None) -> str:
     for omega in (least, most):
         has_unit = np.isfinite(omega) and omega
         ends.append(with_unit(omega, unit) if has_unit else number(omega))
-    fact = f"Steepest fall of the law ω = {' to '.join(dict.fromkeys(ends))}"
+    fact = f"Maximum softening slope of the law ω = {' to '.join(dict.fromkeys(ends))}"
     if lambda_1 is None:
         return fact
     fact += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: "

@@ -44,23 +44,24 @@ GROUPS = {
 """Quantities whose errors share a panel of the plot, by the symbol of the error up to the norm."""
 SYMBOLS = {measure.name: measure.symbol for measure in (*ERRORS, *MEASURES)}
 LEGEND = (
-    "rate: from the level before. order: least-squares slope ± standard error over the levels "
-    f"named; of two levels it is a guess ({sentences.GUESS}). PRE-ASYMPTOTIC: rates of the finest "
+    "rate: observed between two levels. order: least-squares slope ± standard error over the "
+    "levels "
+    f"named; two levels: not judged ({sentences.GUESS}). PRE-ASYMPTOTIC: rates of the finest "
     "levels differ by more than 0.2. Values in (parentheses) did not converge and enter no fit. "
     "Errors are relative to the norm of the reference; H¹ is the seminorm; ξ is compared in "
     "L²(Γ_C) as a step function, and at the contact nodes."
 )
 UNCERTAINTY = (
-    "h → 0: limit ± uncertainty, which held 95 % or more of the limits of random scenes that are "
-    "known well enough to judge; a slip length is uncertain by one cell at least; fewer than "
-    f"{LIMIT_LEVELS} levels give no limit"
+    "h → 0: limit ± uncertainty, which covered the limit of 95 % or more of the "
+    "random scenes whose limit is known well enough; a slip length is uncertain by at least one "
+    f"contact element; fewer than {LIMIT_LEVELS} levels give no limit"
 )
 MARKS = {"slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
 """What stands behind an order that is not as expected."""
 OVERVIEW = (
-    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled "
-    "(pre-asymptotic), exact: all errors are rounding, "
-    f"{sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
+    "Orders fitted over the levels. < slower and > faster than expected, ~ not in the asymptotic "
+    "range (pre-asymptotic), exact: all errors are at rounding level, "
+    f"{sentences.GUESS}: two levels, not judged, (order): some level was not solved. "
     "Tables of a point: --at NAME=VALUE; of all: -v."
 )
 MAX_ROUNDING = 1e-12
@@ -254,7 +255,7 @@ def _levels(data: Any) -> Table:
             row += [str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}"]
             rows.append(row)
     header = [headed(name, axis_unit) for name, (_, axis_unit) in labels.items()]
-    header += ["level", headed("h_max", unit), "dofs", "contact unknowns"]
+    header += ["level", headed("h_max", unit), "dofs", "contact DOFs"]
     return Table.of_rows("Meshes", header, rows)
 
 
@@ -400,7 +401,7 @@ def measure_of(data: Any, requested: str | None) -> str:
     """
     names = [measure.name for measure in MEASURES if f"error_{measure.name}" in data]
     if not names:
-        raise DrawError("the file has no errors: nothing was there to compare with")
+        raise DrawError("the file has no errors: there was no reference to compare with")
     name = requested or (DEFAULT if DEFAULT in names else names[0])
     if name not in names:
         raise DrawError(f"there is no error {name!r} in the file; it has {', '.join(names)}")
@@ -526,7 +527,7 @@ def advice(settings: Sequence[Setting]) -> list[str]:
         largest = f"all errors are rounding (at most {largest_error:.1e})"
         return [
             f"{largest}: every mesh represents this solution exactly",
-            f"least time measured: {words(least)} in {_seconds(least.time)}",
+            f"shortest time measured: {words(least)} in {_seconds(least.time)}",
         ]
     return [*_own_and_better(settings, measured), *_front_words(settings)]
 
@@ -584,7 +585,7 @@ def _front_words(settings: Sequence[Setting]) -> list[str]:
         solver = f" with {points[0].solver}" if len(solvers) > 1 else ""
         ends = [percent(points[i].error).removesuffix(" %") for i in (0, -1)]
         texts.append(f"{' to '.join(dict.fromkeys(ends))} %: {meshes}{solver}")
-    return [f"least time for errors of {'; '.join(texts)}"] if texts else []
+    return [f"shortest time for errors of {'; '.join(texts)}"] if texts else []
 
 
 def cost_lines(data: Any, measure: str) -> list[tuple[str, str]]:
@@ -623,7 +624,7 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
     yield labelled(cost_lines(data, measure))
     yield (
         f"Errors of {SYMBOLS[measure]}. Wall time from the body to the displacements, each run "
-        "from nothing: least of all runs, upper quartile. Equal meshes are one setting with the "
+        "from scratch: shortest of all runs, upper quartile. Equal meshes are one setting with the "
         "runs of all."
     )
     solvers = data["solver"].values.tolist()
@@ -632,7 +633,7 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
     for mesh in meshes:
         by_solver = {s.solver: s for s in measured if (s.family, s.level) == mesh}
         rows.append(_cost_row(by_solver, solvers))
-    header = ["meshes", "level", "dofs", "contact unknowns", f"error of {SYMBOLS[measure]}"]
+    header = ["meshes", "level", "dofs", "contact DOFs", f"error of {SYMBOLS[measure]}"]
     ranks = [0, 0, 1, 4, 0]
     for place, solver in enumerate(solvers):
         header += [f"{solver} [s]", "quartile"]

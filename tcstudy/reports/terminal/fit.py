@@ -79,7 +79,7 @@ def _estimates(data: Any) -> Table:
         if np.isfinite(low):
             interval = f"{number(low / divisor)} … {number(high / divisor)}"
         else:
-            interval = "on its bound" if int(data["at_bound"].values[i]) else "not determined"
+            interval = "on its bound" if int(data["at_bound"].values[i]) else "not identifiable"
         standard_error = float(data["standard_error"].values[i])
         cells = [number(estimate / divisor, 5), number(standard_error / divisor, 2), interval, unit]
         below_diagonal = [number(correlation, 2) for correlation in correlations[i, :i]]
@@ -126,7 +126,7 @@ def _agreement(data: Any) -> list[tuple[str, bool]]:
         facts.append((f"{assumed}; if not, they may be too narrow: give noise", True))
     if about["not_determined"]:
         determined = f"the data determine {about['determined']} only"
-        facts.append((f"not determined: {about['not_determined']}; {determined}", True))
+        facts.append((f"not identifiable: {about['not_determined']}; {determined}", True))
     facts.append(_noise(about))
     if "numbers_decided" in about:
         decided = number(float(about["numbers_decided"]), 3)
@@ -159,7 +159,7 @@ def _mesh(data: Any) -> list[tuple[str, bool]]:
     """Return by how much a mesh of half the size would move the parameters."""
     shift, names = data["mesh_shift"].values, data["parameter"].values
     if not np.any(np.isfinite(shift)):
-        return [("mesh: what it does to the numbers is not known", True)]
+        return [("mesh: its effect on the parameters is not known", True)]
     shifts = list[str]()
     for name, x in zip(names, shift, strict=True):
         if np.isfinite(x):
@@ -178,7 +178,7 @@ def _tried(data: Any) -> list[tuple[str, bool]]:
     same, *others = data["start_count"].values.tolist()
     words = f"starts: {tried} of {starts} tried"
     if tried < starts:
-        words += ", the last has a probable χ² and every number determined"
+        words += ", the last has a probable χ² and every parameter is identifiable"
     if tried > 1:
         words += f"; {same} of {tried} {'ends' if same == 1 else 'end'} in this minimum"
     if others:

@@ -85,7 +85,7 @@ def indices(file: Path, of: str) -> SobolIndices:
     sample = _read_sample(file, of)
     is_whole, points_per_base = sample.is_whole, sample.f.shape[1]
     if np.count_nonzero(is_whole) < 2:
-        raise UsageError(f"{of} has no whole rows of the design: too few points have this number")
+        raise UsageError(f"{of} has no complete base samples: too few points have this variable")
     f, x = sample.f[is_whole], sample.x[is_whole]
     notes = [f"{f.size} points of {len(f)} base points, {CONFIDENCE} by resampling them"]
     if points_per_base == 1:
@@ -169,7 +169,7 @@ def _gap_note(gap: tuple[float, float] | None, f: Array, of: str, unit: str) -> 
         return "one side: no gap among the values"
     share = float(np.mean(f > (gap[0] + gap[1]) / 2.0))
     return (
-        f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{unit} or below, "
+        f"{of} is bimodal: {1 - share:.1%} of the points lie at {number(gap[0])}{unit} or below, "
         f"{share:.1%} at {number(gap[1])}{unit} or above, none between; a mean over both sides is "
         "a value that no point has"
     )

@@ -206,7 +206,9 @@ def _equilibria(data: Any, unit: Unit) -> list[str]:
         branch, t = data["branch_of"].values, data["branch_parameter"].values
         is_segment = branch[1:] == branch[:-1]
         in_all = equilibria_by_interval(t[:-1][is_segment], t[1:][is_segment], low, high)
-        polygon = " of the law's polygon" if float(data["law_error"]) > 0.0 else ""
+        polygon = (
+            " of the law's piecewise-linear approximation" if float(data["law_error"]) > 0.0 else ""
+        )
         texts.append(_largest_number(in_all, f"in all{polygon} (proved)", name, unit))
         is_isola = (data["branch_loop"].values == 1) & (data["branch_on_path"].values == 0)
         if is_isola.any():
@@ -324,7 +326,7 @@ def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
 def _sizes(data: Any) -> str:
     """Return the level and the number of its unknowns."""
     dofs, contact = int(data["n_dof"]), int(data["n_contact"])
-    return f"level {int(data['level'])}: {dofs} dofs, {contact} contact unknowns"
+    return f"level {int(data['level'])}: {dofs} dofs, {contact} contact DOFs"
 
 
 def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
@@ -339,7 +341,7 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
     branches += f" and {closed_branches} closed {'branch' if closed_branches == 1 else 'branches'}"
     is_polygon = float(data["law_error"]) > 0.0
     if is_polygon:
-        branches += " of the law's polygon"
+        branches += " of the law's piecewise-linear approximation"
     if data["complete"]:
         yield f"  every branch of the range: {branches}; complete (proved)"
     elif len(is_closed):
@@ -426,7 +428,7 @@ MAX_CYCLES = 3
 """Cycles of a point whose steps are listed: cycle 0, those after it, and the last cycle."""
 MAX_POINTS = 20
 """Points that have a line; the file has them all."""
-MOVES = ("at rest", "slips forward", "slips backward", "jumps")
+MOVES = ("sticks", "slips forward", "slips backward", "jumps")
 """Motions of a node in a step."""
 MIN_DEFECT = 0.01
 """Part of the dissipated energy above which the energy that finite steps miss is reported."""
@@ -568,7 +570,7 @@ def _history(data: Any) -> Iterator[str]:
     """Yield the loads of a history and how its steps are solved."""
     attrs = data.attrs
     is_lowest = attrs["branch"] == "lowest"
-    step = "the state of least energy found" if is_lowest else "along its exact path"
+    step = "the state of lowest energy found" if is_lowest else "along its exact path"
     yield f"  History of {', '.join(_loads(data))}; memory {attrs['memory']}; each step {step}"
     yield f"  {_sizes(data)}"
     if "lambda_1_error" in data:

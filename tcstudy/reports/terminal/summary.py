@@ -116,8 +116,8 @@ _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
     ("error_bound_relative", "rel. error bound"),
     ("goal_estimate", "est. error of goal"),
-    ("goal_error", "its true error"),
-    ("goal_effectivity", "est./true"),
+    ("goal_error", "error of goal"),
+    ("goal_effectivity", "effectivity"),
 )
 """Columns of the table of levels where errors are estimated: the largest of all points."""
 
@@ -173,15 +173,15 @@ CERTIFIED = (
 )
 EVERY = (
     'equilibria: proved to be all, but "at least" where not; '
-    "of exponential laws those of their polygon, within 1e-3 of b"
+    "of exponential laws those of their piecewise-linear approximation, within 1e-3 of b"
 )
 NO_PART = "–: the law has no such part (slip length: it sticks nowhere)"
 FAILED = "failed: no solution; the numbers in (parentheses) are those of the last step"
 REGIONS = {
-    "debonded_length": "debonded: length where b has fallen",
-    "softening_length": "softening: length where b falls",
-    "yielded_length": "yielded: length at constant b, beyond sticking or the first rise",
-    "elastic_length": "elastic: length where b rises from 0",
+    "debonded_length": "debonded: length that is fully debonded",
+    "softening_length": "softening: length on a softening branch of b",
+    "yielded_length": "yielded: length of sliding at constant b (plateau)",
+    "elastic_length": "elastic: length on the initial elastic branch of b",
 }
 """Legends of the columns of lengths."""
 FEW_POINTS = 4
@@ -406,7 +406,8 @@ def _limits(data: Any) -> Iterator[str]:
         is_known = fine["sensitivity_status"].values == DIFFERENTIABLE
         points = f"{np.count_nonzero(is_known)} of {fine['status'].size} points"
         yield (
-            f"derivatives known at {points} of the finest level, NaN at events and folds: "
+            f"derivatives known at {points} of the finest level, NaN at changes of contact state "
+            "and folds: "
             "sensitivity_…"
         )
     not_run = np.argwhere(status == PointStatus.NOT_RUN)

@@ -87,7 +87,7 @@ def test_what_has_slipped_so_far_moves_along_the_law(
         (
             Memory("elastic-plastic", 1.0),
             SOFTENING,
-            "k = 1 Pa/m must be above the steepest fall h = 1 Pa/m",
+            "k = 1 Pa/m must be above the maximum softening slope h = 1 Pa/m",
         ),
         (
             Memory("elastic-plastic", 9.0),

@@ -246,7 +246,7 @@ def test_sizes() -> None:
             "no number 'slip_lenght' .* did you mean 'slip_length'",
         ),
         ("block", {"x": "theta_bar", "y": "u_T"}, "'u_T' has a value at every node of a level"),
-        ("block", {"x": "theta_bar", "y": "unique"}, "'unique' is a flag and no number"),
+        ("block", {"x": "theta_bar", "y": "unique"}, "'unique' is a flag, not a quantity"),
         ("block", {"x": "theta_bar", "y": "h_max"}, "'h_max' has the dimensions level, and"),
         ("block", {"map": ("theta_bar", "theta_bar"), "of": "energy"}, "theta_bar is named twice"),
         (

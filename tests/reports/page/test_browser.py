@@ -108,7 +108,7 @@ def test_curves_name_their_parameter_and_mark_several_solutions(
     marks = "return document.querySelectorAll('#sweep .panel:last-child path[stroke=\"#d55e00\"]')"
     assert page.run(f"{marks}.length") >= sum(several)
     page.run("TC.data.run.flags.several.fill(1); TC.draw()")
-    assert "starts led to different solutions" in text_of(page, "#sweep .legend:last-child")
+    assert "starting points gave different solutions" in text_of(page, "#sweep .legend:last-child")
     assert page.complaints() == []
 
 

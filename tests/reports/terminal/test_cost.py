@@ -106,7 +106,7 @@ def test_advice_names_what_is_faster_only_beyond_the_quartiles(file: Path) -> No
     text = "; ".join(advice(settings(load_root(file, "cost"), "u_energy")))
     own = f"the study's mesh: error 1 % in 6.4 s (uniform, level 3, {SOLVERS[0]})"
     assert text.startswith(own)
-    assert text.endswith("least time for errors of 8 to 4 %: uniform; 4 to 0.25 %: graded")
+    assert text.endswith("shortest time for errors of 8 to 4 %: uniform; 4 to 0.25 %: graded")
     assert "more accurate, no clear difference in time: graded, level 3: 0.25 % in 6.4 s" in text
     assert "faster and more accurate" not in text
     graded = np.array([1.0, 0.5])[:, None, None, None]
@@ -160,5 +160,5 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     assert first.startswith(
         "all errors are rounding (at most 1.6e-14): every mesh represents this solution exactly"
     )
-    assert second == "least time measured: uniform, level 0, separable-newton in 0.1 s"
+    assert second == "shortest time measured: uniform, level 0, separable-newton in 0.1 s"
     draw_picture(file, file.with_name("a.svg"))

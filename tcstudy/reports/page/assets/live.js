@@ -83,7 +83,7 @@ TC.live = {
           {},
           TC.el("b", {}, "Solved now, in this browser"),
           `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact ` +
-            "nodes, where the law falls less steeply than the body is stiff (ω < λ₁), so that " +
+            "nodes, where the law softens less than the body is stiff (ω < λ₁), so that " +
             "there is one solution, and nowhere else. It is accepted by its inclusion residual, " +
             "which stands beside it.",
         ),

@@ -208,7 +208,7 @@ TC.point = {
     const chosen = TC.point.equilibrium(line, point);
     let title = `at least ${count} equilibria`;
     if (completeness === 1) title = `${count} of ${count} equilibria, proved`;
-    if (completeness === 2) title = `${count} equilibria of the law's polygon`;
+    if (completeness === 2) title = `${count} equilibria of the law's piecewise-linear approximation`;
     const lowest = equilibria.energy[first];
     const energyText = (order) =>
       order
@@ -841,7 +841,7 @@ TC.point = {
               "stroke-width": 1.5,
               fill: "none",
             },
-            TC.svgNode("title", {}, "held end"),
+            TC.svgNode("title", {}, "constrained end"),
           ),
         );
       }
@@ -858,7 +858,7 @@ TC.point = {
       return share > 0 ? TC.swatch(colour, `${name} (${Math.round(100 * share)} %)`) : "";
     });
     const hasHeldEnd = line.parts.some((part) => part.held[0] || part.held[1]);
-    return TC.legend(...entries, hasHeldEnd ? "hatched bar: held end" : "");
+    return TC.legend(...entries, hasHeldEnd ? "hatched bar: constrained end" : "");
   },
   // The values at the node under the pointer.
   showUnderPointer(plots, line, solution, positionOf) {
@@ -1018,7 +1018,7 @@ TC.point = {
           line,
         ),
         TC.legend(
-          `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump` +
+          `maximum softening slope ω = ${omega}; thick: up-jump (sticking), dashed: down-jump` +
             (scaled ? "; ξ divided by the strength at its node" : "") +
             difference,
         ),

@@ -402,7 +402,7 @@ TC.run = {
       TC.data.proofs[proof],
     ].join("\n");
     group.append(
-      TC.svgNode("title", {}, tip + (several ? "\nstarts led to different solutions" : "")),
+      TC.svgNode("title", {}, tip + (several ? "\nstarting points gave different solutions" : "")),
     );
     if (proof === "failed") {
       const right = x + width - 4;
@@ -763,7 +763,7 @@ TC.run = {
       legend.append(
         entry(
           [box("#9aa", { stroke: "#d55e00", "stroke-width": 3 })],
-          "starts led to different solutions",
+          "starting points gave different solutions",
         ),
       );
     return legend;
@@ -970,7 +970,7 @@ TC.run = {
         open: true,
         size: 6,
         colour: "#d55e00",
-        label: "starts led to different solutions",
+        label: "starting points gave different solutions",
       },
     ];
   },
@@ -1119,7 +1119,7 @@ TC.run = {
       {
         title: "Convergence over the levels, of this point",
         labels: [
-          halved ? TC.withUnit("longest edge h", scale) : "1/√unknowns",
+          halved ? TC.withUnit("largest edge h", scale) : "1/√DOFs",
           "relative change from the level before",
         ],
         log: [true, true],
@@ -1133,8 +1133,8 @@ TC.run = {
       panel,
       constant.length ? TC.note(`${constant.join(", ")}: does not change`) : null,
       TC.note(
-        "Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, " +
-          "up to 2 for energy and slip without singular corners. ?: a guess from two steps. " +
+        "Where slip meets stick or an end is constrained expect order 1 for ∫ξ and slip length, " +
+          "up to 2 for energy and slip without singular corners. ?: two steps, not judged. " +
           "The orders to expect at every corner: tcstudy converge.",
       ),
     ];
@@ -1166,8 +1166,8 @@ TC.run = {
       TC.wideTable(
         [
           "level",
-          "longest edge",
-          "unknowns",
+          "largest edge",
+          "DOFs",
           "on the contact line",
           ...TC.run.STAGES.map(([, words]) => words),
         ],
