@@ -1,16 +1,18 @@
 """Write results/evidence.md from results/evidence.json, and find what guides quote of it.
 
-`python -m tests.evidence` prints the page. A guide quotes a result as
+`python -m tests.evidence` prints the page. Benchmarks put their results into both. A guide quotes a result as
 `<!--v:NAME-->104 of 105<!--/v-->`: a part of the result of the claim with that name.
 """
 
 import json
 import re
+import subprocess
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 FILE = Path(__file__).parents[1] / "results" / "evidence.json"
+PAGE = FILE.with_suffix(".md")
 HEAD = """# Evidence
 
 One row per claim. `python -m tests.evidence` makes this page from [`evidence.json`](evidence.json), and a test
@@ -40,6 +42,20 @@ def claims() -> dict[str, dict[str, str]]:
                 raise ValueError(f"{FILE.name}: the name {claim['name']} is repeated")
             found[claim["name"]] = claim
     return found
+
+
+def record(name: str, result: str) -> None:
+    """Put the result of a claim, measured at the commit of the work tree, into file and page."""
+    content = evidence()
+    (claim,) = (
+        c for chapter in content["chapters"] for c in chapter["claims"] if c["name"] == name
+    )
+    command = ("git", "-C", str(Path(__file__).parent), "rev-parse", "--short=8", "HEAD")
+    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    claim |= {"result": result, "commit": commit}
+    text = json.dumps(content, ensure_ascii=False, indent=1)
+    FILE.write_text(f"{text}\n", encoding="utf-8")
+    PAGE.write_text(markdown(), encoding="utf-8")
 
 
 def false_quotations(page: str, results: dict[str, dict[str, str]]) -> list[str]:

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from tcstudy.read.study import read_study
 from tests.commands import CONFIGS, tcstudy_command
 from tests.console import WIDTH, printed, without_machine
-from tests.evidence import QUOTE, claims, evidence, false_quotations
+from tests.evidence import QUOTE, claims, evidence, false_quotations, record
 from tests.evidence import markdown as evidence_page
 from tests.prose import cells, paragraphs, sentences
 from tests.test_house import ARROWS, PACKAGE
@@ -192,6 +192,23 @@ def test_the_evidence_is_that_of_its_file() -> None:
         elif module:
             assert (ROOT / module[1]).exists(), claim["command"]
         assert re.fullmatch(r"every|[0-9a-f]{8}", claim["commit"]), claim["commit"]
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="the commit is that of a git work tree")
+def test_a_benchmark_puts_its_result_into_file_and_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("evidence.json", "evidence.md"):
+        shutil.copy(ROOT / "results" / name, tmp_path)
+    monkeypatch.setattr("tests.evidence.FILE", tmp_path / "evidence.json")
+    monkeypatch.setattr("tests.evidence.PAGE", tmp_path / "evidence.md")
+    record("solver.random", "9,999 of 10,000 solved")
+    claim = claims()["solver.random"]
+    assert claim["result"] == "9,999 of 10,000 solved"
+    row = f"9,999 of 10,000 solved | {claim['cases']}"
+    assert row in (tmp_path / "evidence.md").read_text(encoding="utf-8")
+    assert len(claim["commit"]) == 8
+    assert false_quotations((ROOT / "README.md").read_text(encoding="utf-8"), claims())
 
 
 def test_limits_of_the_evidence_agree_with_their_summary() -> None:

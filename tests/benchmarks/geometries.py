@@ -146,7 +146,7 @@ def lines(other: str | None) -> Iterator[str]:
         yield f"- a geometry of one point adds {each:.2f} kB to a file;"
         overhead, writing = beside(COUNTS[1], folder)
         yield (
-            f"- beside mesh to solve a run takes {overhead:.1f} ms a geometry, reading included; "
+            f"- beside mesh and solution a run takes {overhead:.1f} ms per geometry, reading included; "
             f"{writing:.2f} ms of it are the final write;"
         )
         if other is not None:

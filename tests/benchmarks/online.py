@@ -93,7 +93,7 @@ def lines() -> Iterator[str]:
 
     head = "| sweep | " + " | ".join(f"m = {m}" for m, *_ in found["softening"]) + " |"
     load = f"load {os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"
-    yield f"CPU ms a point of one thread, least of two runs; {load}."
+    yield f"CPU ms per point of one thread, shorter of two runs; {load}."
     yield "1,000 points at once, solve and certificates. potrf: one Cholesky factorisation of Ã."
     solves = [[name, *(f"{solve:.2f}" for _, _, solve, _ in own)] for name, own in found.items()]
     yield from table([*solves, ["potrf", *(f"{factor:.3f}" for *_, factor in found["softening"])]])

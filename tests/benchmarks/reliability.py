@@ -8,12 +8,13 @@ small problems by enumeration against its certificates, and the least energy of 
 against what a study finds with branch `lowest`, with and without the search after the plain starts;
 and the same of 5,000 small problems with any law (odd or not, opposing the slip or pushing it on)
 and any body, with the certificates of what was found. `--any N` makes only the last, with N
-problems.
+problems. Runs of full size put their counts into results/evidence.json.
 """
 
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from tcstudy.contact.solve import ACCURACY, nearest_minimum, solve_contact
 from tcstudy.scene.solver_plan import ESCAPE
 from tests.contact.contact_cases import independent_residual, random_problem, rescaled
 from tests.contact.exhaustive import compare, hit_rates, least_energy, search, small_problem
+from tests.evidence import record
 
 TOLERANCE = 1e-12
 UNITS = ((1e9, 1.0, 1.0), (1e-9, 1.0, 1.0), (1.0, 1e9, 1.0), (1.0, 1e-9, 1.0), (1e-9, 1e9, 1e9))
@@ -37,8 +39,8 @@ SEARCHED = (
 """(m, seeds) of the problems whose least energy is enumerated; with m = 8 only those with few
 places a node."""
 
-ANY = 5_000
-"""Problems with any law."""
+PROBLEMS, ANY = 10_000, 5_000
+"""Random problems of a run of full size, and problems with any law."""
 
 
 def solver_counts(problems: int) -> Counter[str]:
@@ -62,9 +64,27 @@ def solver_counts(problems: int) -> Counter[str]:
     return counts
 
 
-def certificate_lines() -> list[str]:
-    """Contradicted certificates and hit rates against enumeration."""
-    lines = []
+class Judged(NamedTuple):
+    """Certificates of the solutions of problems with m nodes, against enumeration.
+
+    rates: shares of what is true that was certified, by certificate
+    """
+
+    m: int
+    solutions: int
+    contradicted: int
+    rates: dict[str, float]
+
+    def __str__(self) -> str:
+        rates = ", ".join(f"{name} {rate:.2f}" for name, rate in self.rates.items())
+        return (
+            f"m = {self.m}: {self.solutions} solutions, {self.contradicted} certificates "
+            f"contradicted; hit rates {rates}"
+        )
+
+
+def judged_certificates() -> Iterator[Judged]:
+    """Yield contradicted certificates and hit rates by number of nodes."""
     for m, kinks, problems in SMALL:
         found = [c for seed in range(10_000, 10_000 + problems) for c in compare(seed, m, kinks)]
         contradicted = sum(
@@ -73,15 +93,23 @@ def certificate_lines() -> list[str]:
             or (c.certificate.strict_minimum and not c.strict)
             for c in found
         )
-        rates = ", ".join(f"{name} {rate:.2f}" for name, rate in hit_rates(found).items())
-        lines.append(
-            f"m = {m}: {len(found)} solutions, {contradicted} certificates contradicted; hit rates {rates}"
-        )
-    return lines
+        yield Judged(m, len(found), contradicted, hit_rates(found))
 
 
-def search_line(m: int, seeds: Sequence[int]) -> str:
-    """How often the least energy of all was found."""
+class Searched(NamedTuple):
+    """How often the least energy of all was found.
+
+    before: from the plain starts alone;  searched: problems that the search took on
+    """
+
+    problems: int
+    found: int
+    before: int
+    searched: int
+
+
+def searches(m: int, seeds: Sequence[int]) -> Searched:
+    """Return how often the least energy of all was found with m nodes."""
     before = after = searched = 0
     for seed in seeds:
         problem = small_problem(seed, m)
@@ -91,42 +119,78 @@ def search_line(m: int, seeds: Sequence[int]) -> str:
         before += float(np.nanmin(answer.energies[:ESCAPE])) <= above
         after += answer.energy <= above
         searched += bool(np.isfinite(answer.energies[ESCAPE]))
-    return (
-        f"m = {m}: of {len(seeds)} problems the least energy was found in {after}, "
-        f"from the plain starts alone in {before}; searched further in {searched}"
-    )
+    return Searched(len(seeds), after, before, searched)
 
 
-def any_line(problems: int) -> str:
+def any_law(problems: int) -> tuple[str, int, int, int]:
     """How often the least energy of all was found whatever the law, and what certificates were
-    wrong."""
+    wrong: in words, found, from the plain starts alone, contradicted."""
     results = [search(seed, 1 + seed % 8) for seed in range(problems)]
     found, plain, solved = (
         sum(getattr(r, name) for r in results) for name in ("found", "plain", "solved")
     )
     contradicted = sum(len(r.contradicted) for r in results)
-    return (
+    words = (
         f"any law, m = 1 to 8: of {problems} problems {solved} solved, the least energy found in {found}, "
         f"from the plain starts alone in {plain}; {contradicted} certificates contradicted"
     )
+    return words, found, plain, contradicted
+
+
+def found_of(found: int, problems: int, before: int) -> str:
+    """Return how often the least energy was found, as the evidence has it."""
+    return f"{found:,} of {problems:,}, without the search {before:,}"
+
+
+def share_of(judged: Sequence[Judged], name: str) -> str:
+    """Return the range of a hit rate in percent."""
+    shares = [100.0 * of.rates[name] for of in judged]
+    return f"{min(shares):.0f} to {max(shares):.0f} %"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["--any"]:
-        print(any_line(int(words[1]) if words[1:] else ANY))
+        print(any_law(int(words[1]) if words[1:] else ANY)[0])
         return
-    problems = int(words[0]) if words else 10_000
+    problems = int(words[0]) if words else PROBLEMS
     counts = solver_counts(problems)
     print(
         f"{problems} problems: "
         + ", ".join(f"{name} {count}" for name, count in sorted(counts.items())),
         flush=True,
     )
-    print("\n".join(certificate_lines()), flush=True)
+    judged = list(judged_certificates())
+    print("\n".join(map(str, judged)), flush=True)
+    parts = []
     for m, seeds in SEARCHED:
-        print(search_line(m, seeds), flush=True)
-    print(any_line(ANY), flush=True)
+        parts.append(part := searches(m, seeds))
+        print(
+            f"m = {m}: of {part.problems} problems the least energy was found in {part.found}, from "
+            f"the plain starts alone in {part.before}; searched further in {part.searched}",
+            flush=True,
+        )
+    any_words, any_found, any_before, any_contradicted = any_law(ANY)
+    print(any_words, flush=True)
+    if problems != PROBLEMS:
+        return
+    wrong = f"{counts['wrong']:,} wrongly" if counts["wrong"] else "none wrongly"
+    contradicted = sum(of.contradicted for of in judged)
+    solutions = sum(of.solutions for of in judged)
+    whole = Searched(*map(sum, zip(*parts, strict=True)))
+    record("solver.random", f"{counts['solved']:,} of {problems:,} solved, {wrong}")
+    record("solver.lowest", found_of(whole.found, whole.problems, whole.before))
+    record("solver.any_law", found_of(any_found, ANY, any_before))
+    record(
+        "certificates.contradicted",
+        f"{contradicted or 'none'} contradicted in {solutions:,} solutions, "
+        f"{any_contradicted or 'none'} in {ANY:,} more",
+    )
+    record(
+        "certificates.rate",
+        f"{share_of(judged, 'global_minimum')} of the global minima, "
+        f"{share_of(judged, 'unique')} of the unique solutions",
+    )
 
 
 if __name__ == "__main__":
