@@ -20,7 +20,8 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.contact import certificates
-from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria, Limits
+from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.walk import NoSolutionError

@@ -8,6 +8,7 @@ newton, descent     Newton's equations and the convex model; from a start to a m
 search              starts from which descent finds less energy
 certificates        what is proved of a solution
 all_solutions       all solutions of small problems
+boxes               boxes that hold all solutions, made smaller by proof
 simplex_qp, bundle  the published method for any locally Lipschitz function
 path/               equilibria on one branch along a parameter
 history/            steps of a load history with memory

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from tcstudy.contact.all_solutions import (
     LAW_ERROR,
     Equilibria,
-    Limits,
     all_solutions,
     of_rows,
     polygon_laws,
     with_solution,
 )
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Outcome, Status, trusted_share

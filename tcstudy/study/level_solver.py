@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import LineFunction
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.all_solutions import Equilibria, Limits
+from tcstudy.contact.all_solutions import Equilibria
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import as_row, certify
 from tcstudy.contact.problem import CondensedBody, Status
 from tcstudy.contact.solve import Answer, solve_block, solve_contact

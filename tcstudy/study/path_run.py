@@ -18,7 +18,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.all_solutions import Limits
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import certify_rows, solution_boxes
 from tcstudy.contact.history.steps import Hysteresis, hysteresis
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, Progress

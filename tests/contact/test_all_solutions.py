@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import Limits, PolygonProblems, all_solutions
+from tcstudy.contact.all_solutions import all_solutions
+from tcstudy.contact.boxes import Limits, PolygonProblems
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
 from tests.contact.contact_cases import half_laplacian

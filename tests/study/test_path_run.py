@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.cli import main
-from tcstudy.contact.all_solutions import Limits
+from tcstudy.contact.boxes import Limits
 from tcstudy.data.records import BlockRecord, Record
 from tcstudy.data.schema import PointStatus
 from tcstudy.fem.geometry import build

@@ -27,14 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import (
-    Equilibria,
-    Limits,
-    PolygonProblems,
-    Segments,
-    sides_of_codes,
-    unproved,
-)
+from tcstudy.contact.all_solutions import Equilibria, sides_of_codes, unproved
+from tcstudy.contact.boxes import Limits, PolygonProblems, Segments
 from tcstudy.contact.certificates import Proofs
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus

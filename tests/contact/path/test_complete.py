@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import Cells, Limits, PolygonProblems, all_solutions
+from tcstudy.contact.all_solutions import all_solutions
+from tcstudy.contact.boxes import Cells, Limits, PolygonProblems
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, PathStatus
 from tcstudy.contact.path.query import all_branches
