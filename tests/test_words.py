@@ -84,7 +84,8 @@ TERMS = {
 WRITTEN = [(re.compile(pattern), term) for pattern, term in TERMS.items()]
 GUIDES = (
     "README.md",
-    "results/commands.md",
+    "tcstudy/trust.md",
+    *(f"results/{path.name}" for path in sorted((ROOT / "results").glob("*.md"))),
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "configs").rglob("*.md"))),
 )
 SCRIPTS = sorted((PACKAGE / "reports/page/assets").glob("*.js"))

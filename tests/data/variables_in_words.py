@@ -45,7 +45,7 @@ ATTRIBUTES = {
     "solver_branch": "`solver.branch` of a run",
     "unit_system": "`SI` or `none`",
     "sweep_mode": "`grid`, `zip` or `list`",
-    "guarantee": "what is proved of the body: `band`, `bounds`, or `polygon`",
+    "guarantee": "what is proved of the continuous problem: `band`, `bounds`, or `polygon`",
     "swept_loads": "swept parameters that change loads alone",
     "study_yaml": "exact text of the study",
     "study_sha256": "checksum of text, overrides and geometry files",
