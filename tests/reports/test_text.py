@@ -64,6 +64,7 @@ def test_a_number_has_few_digits_and_no_power_below_ten_thousand(
         (125, "2 min 5 s"),
         (7199, "119 min 59 s"),
         (7200, "2 h"),
+        (7741, "2.2 h"),  # 2.1503
         (12600, "3.5 h"),
     ],
 )
