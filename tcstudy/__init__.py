@@ -9,7 +9,8 @@
     result.summary, result.draw("a.svg"), result.save("results/coarse.nc")
 
 Studies:  init, load, Study (from_dict, with_, to_yaml), plan, run, converge, cost
-Results:  Result (summary, to_dataframe, draw, report, save), open_results, open_geometry, draw, report, export
+Results:  Result (summary, to_dataframe, draw, report, save), open_results, open_geometry, draw,
+          report, export
 Matrices: ContactProblem, law, solve, all_solutions, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))

@@ -55,7 +55,8 @@ def shortened(text: str, most: int = MAX_VALUE_SHOWN) -> str:
 
 
 SYNONYMS = {
-    "clamped": "fixed fix encastre built_in dirichlet displacement prescribed support supported held",
+    "clamped": "fixed fix encastre built_in dirichlet displacement prescribed support supported "
+    "held",
     "traction": "neumann load loaded stress pressure",
     "convection": "robin film cooled cooling convective heat_exchange",
     "symmetry": "roller mirror sliding",

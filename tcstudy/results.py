@@ -1,4 +1,4 @@
-"""Results, as `tcstudy` offers them: a file as a record that a notebook shows, and what to do with it.
+"""Results, as `tcstudy` offers them: a file as a record for notebooks, and what to do with it.
 
 Every function takes a Result or the name of a file that run, converge or cost wrote: open, draw,
 report, export. Faults of the user are raised as a kind of tcstudy.UserFault. Left out: making

@@ -5,10 +5,11 @@ observed order p of the three finest meshes (d_1 and d_2 of the same sign, |d_1|
 
     limit:        q_n + d_1/(r^p̄ − 1),                              p̄: p clipped to [1, 2]
     step:         max(|d_1|/(r^p̂ − 1), 0.6 max_k |d_k| h_n/h_k),     p̂: p clipped to [½, 2]
-    uncertainty:  max(factor · step, unresolved),   unresolved at most 4 max_k |d_k| h_n/h_k but of a slip length
+    uncertainty:  max(factor · step, unresolved)
 
-r is the ratio of the two finest mesh sizes and h_k the finer one of the two meshes of d_k. Where the
-last differences turn back or do not fall, the limit is the finest result and p̂ = ½.
+unresolved is at most 4 max_k |d_k| h_n/h_k, except of a slip length. r is the ratio of the two
+finest mesh sizes and h_k the finer one of the two meshes of d_k. Where the last differences turn
+back or do not fall, the limit is the finest result and p̂ = ½.
 
 The clip keeps a lucky small or large order from deciding (P. J. Roache, Verification and Validation
 in Computational Science and Engineering, 1998; L. Eça and M. Hoekstra, J. Comput. Phys. 262 (2014)
@@ -51,8 +52,9 @@ FACTORS = {
 }
 """Uncertainty over the step by quantity: of three, of four, of five levels."""
 MOST_UNRESOLVED = 4.0
-"""Scaled difference that the cells of Γ_C explain at most of a result that is no sum of cells: where
-equilibrium fixes ∫ξ, it does not follow the cells."""
+"""Scaled difference that the cells of Γ_C explain at most of a result that is no sum of cells.
+
+Where equilibrium fixes ∫ξ, it does not follow the cells."""
 JUMP_SHARE = 0.25
 """Part of a jump of ξ between neighbours, times their cell, that the place of the front may change
 ∫ξ by."""

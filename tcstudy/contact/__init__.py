@@ -1,8 +1,9 @@
 """Contact problems on plain arrays, one or many on one body at once: solvers, certificates, paths
 of solutions.
 
-problem             the problem, one or rows of them on one body, the test of its solutions; what a method returns
-extended, solution  that test in two doubles; the exact solution on the pieces that a point is on, and its derivatives
+problem             the problem, one or rows of them on one body, and the test of its solutions
+extended            that test in two doubles
+solution            the exact solution on the pieces that a point is on, and its derivatives
 solve               the doors for one problem and for many of one body: all starts, the judgement
 newton, descent     Newton's equations and the convex model; from a start to a minimum
 search              starts from which descent finds less energy

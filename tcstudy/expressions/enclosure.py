@@ -175,7 +175,7 @@ def _cosh(a: Interval) -> Interval:
 
 
 def _atan2(y: Interval, x: Interval) -> Interval:
-    """Return the angles of boxes: from the corners, or all where the box meets the cut x ≤ 0, y = 0."""
+    """Return the angles of boxes: of the corners, or all where a box meets the cut x ≤ 0, y = 0."""
     corners = [np.arctan2(b, a) for a in (x.lower, x.upper) for b in (y.lower, y.upper)]
     hull = _hull(*corners)
     meets_cut = (x.lower <= 0.0) & (y.lower <= 0.0) & (y.upper >= 0.0)

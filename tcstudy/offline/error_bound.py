@@ -159,8 +159,8 @@ class ErrorBounds:
     def _slip_factor(self, scene: Scene) -> float:
         """Return the largest κ_e: the mean slip of a segment is known to ±κ_e‖u − u_h‖ [m/√(J/m)].
 
-        κ²_e = φᵀÂ⁻¹φ with φ = (½, ½) at the Gauss points of the segment: the equilibrium stress Z of a
-        unit traction there has ∫(u − u_h)_T = ∫Z : ε(u − u_h).
+        κ²_e = φᵀÂ⁻¹φ with φ = (½, ½) at the Gauss points of the segment: the equilibrium stress Z of
+        a unit traction there has ∫(u − u_h)_T = ∫Z : ε(u − u_h).
         """
         dual, factor = self.level.dual(scene)
         inverse = np.linalg.inv(dual.condensation.A_tilde)
@@ -267,7 +267,7 @@ class ErrorBounds:
         return _Load(rows, given, rest, float(np.sqrt(oscillation2)))
 
     def _body_force(self, scene: Scene) -> tuple[Array, Array | None, float]:
-        """Return f at the centres, the slopes of a linear f, and the square of what its rest can do.
+        """Return f at the centres, slopes of a linear f, and the square of what its rest can do.
 
         f: (2,), or (t, 1, 2) where it varies;  slopes: (t, 2, 2), None for a constant f
         """

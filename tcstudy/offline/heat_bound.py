@@ -1,26 +1,31 @@
 """How far a computed temperature is from that of the body, in the norm that loads the body.
 
-θ_h is the P1 temperature and ε = θ − θ_h its error, c(s,t) = ∫k∇s·∇t + ∫_{Γ_θ} αst, ‖t‖²_c = c(t,t) and
-‖t‖²_ρ = ∫ρt² with ρ = β²/(λ + μ). The error of the displacement grows by no more than ‖ε‖_ρ
-(error_bound.py), and ‖ε‖_ρ ≤ T := M_h η_θ:
+θ_h is the P1 temperature and ε = θ − θ_h its error. With ρ = β²/(λ + μ),
 
-η_θ:   Let p have div p = −q and p·n = flux on edges without exchange. Then c(ε,ε) = ∫(p − k∇θ_h)·∇ε −
-       ∫_{Γ_θ}(p·n + α(θ_h − θ̄))ε, so that
-           ‖ε‖²_c ≤ η²_θ = ‖k^{−½}(p − k∇θ_h)‖² + ‖α^{−½}(p·n + α(θ_h − θ̄))‖²_{Γ_θ}.
-p:     BDM1, linear on every triangle with p·n continuous, in hybrid form: moments F of p·n at the Gauss
-       points of a triangle's sides, G = ∫k⁻¹p·p in them, r = G⁻¹1, s = 1ᵀr; multipliers ϑ are
-       temperatures at the Gauss points of the edges (2 an edge):
-           K̂ = Σ G⁻¹ − rrᵀ/s,   (K̂ + diag αh/2)ϑ = Σ r q|K|/s + αh/2 θ̄ + h/2 flux,   F = K̂ϑ − r q|K|/s.
-M_h:   M²_h = κ²_h + max ρ(h_K/j₁₁)²/k, κ²_h the largest eigenvalue of (S_dual − S_P1)g = κ²ρ|K|g over piecewise
-       constant sources: the compliance of BDM1 less that of P1. ε is orthogonal to P1 in c, hence ‖ε‖²_ρ =
-       c((I − P)z, ε), z the temperature of the source ρε and P the projection onto P1. The mean of ε on
-       each triangle gives at most κ_h, the rest (h/j₁₁)√(ρ/k) by Poincaré's inequality.
-κ_h:   from Lanczos, which is from below; then proved from above. With t a little greater,
-           [K̂ + diag αh/2, 0, B; 0, −A, F; Bᵀ, Fᵀ, t²/ρ|K| − 1/s]
-       has as many negative pivots as A (P1) has rows if and only if κ_h < t.
-Data:  sources that vary on a triangle, fluxes and θ̄ that are not linear on a segment: their means and linear
-       parts go into p, and the rest adds to η²_θ what oscillation.py says, α‖rest‖² of θ̄.
-Literature: X. Liu and S. Oishi, SIAM J. Numer. Anal. 51 (2013) 1634–1654 (the constant M_h); method §5.
+    c(s,t) = ∫k∇s·∇t + ∫_{Γ_θ} αst,   ‖t‖²_c = c(t,t),   ‖t‖²_ρ = ∫ρt².
+
+The error of the displacement grows by no more than ‖ε‖_ρ (error_bound.py), and ‖ε‖_ρ ≤ T := M_h η_θ.
+
+η_θ:  Let p have div p = −q and p·n = flux on edges without exchange. Then
+      c(ε,ε) = ∫(p − k∇θ_h)·∇ε − ∫_{Γ_θ}(p·n + α(θ_h − θ̄))ε, so that
+          ‖ε‖²_c ≤ η²_θ = ‖k^{−½}(p − k∇θ_h)‖² + ‖α^{−½}(p·n + α(θ_h − θ̄))‖²_{Γ_θ}.
+p:    BDM1, linear on every triangle with p·n continuous, in hybrid form. F are the moments of p·n
+      at the Gauss points of a triangle's sides, G = ∫k⁻¹p·p in them, r = G⁻¹1, s = 1ᵀr. The
+      multipliers ϑ are temperatures at the Gauss points of the edges (2 an edge):
+          K̂ = Σ G⁻¹ − rrᵀ/s,   (K̂ + diag αh/2)ϑ = Σ r q|K|/s + αh/2 θ̄ + h/2 flux,
+          F = K̂ϑ − r q|K|/s.
+M_h:  M²_h = κ²_h + max ρ(h_K/j₁₁)²/k. κ²_h is the largest eigenvalue of (S_dual − S_P1)g = κ²ρ|K|g
+      over piecewise constant sources: the compliance of BDM1 less that of P1. ε is orthogonal to P1
+      in c, hence ‖ε‖²_ρ = c((I − P)z, ε), with z the temperature of the source ρε and P the
+      projection onto P1. The mean of ε on each triangle gives at most κ_h, the rest (h/j₁₁)√(ρ/k)
+      by Poincaré's inequality.
+κ_h:  from Lanczos, which is from below; then proved from above. With t a little greater,
+          [K̂ + diag αh/2, 0, B; 0, −A, F; Bᵀ, Fᵀ, t²/ρ|K| − 1/s]
+      has as many negative pivots as A (P1) has rows if and only if κ_h < t.
+Data: sources that vary on a triangle, and fluxes and θ̄ that are not linear on a segment. Their
+      means and linear parts go into p, and the rest adds to η²_θ what oscillation.py says, α‖rest‖²
+      of θ̄.
+Literature: X. Liu and S. Oishi, SIAM J. Numer. Anal. 51 (2013) 1634–1654 (the constant M_h).
 Left out: held temperatures that are not linear on an edge.
 
 All up to rounding.
@@ -62,7 +67,7 @@ LANCZOS_VECTORS = 6
 MARGINS = (1.02, 1.1, 1.5, 3.0)
 """Factors of κ²_h for which the bound from above is tried in turn."""
 MAX_ROUNDING = 1e-6
-"""Largest rounding error of the pivots, relative to the matrix, with which a count of signs is believed.
+"""Largest rounding error of the pivots with which signs are counted, relative to the matrix.
 
 The smallest margin changes the last block, scaled to 1, by 0.02."""
 
@@ -119,7 +124,7 @@ class FluxElements:
         )
 
     def _corner_fluxes(self) -> Array:
-        """Return p (t, 3, 2, 6) at the corners from its moments at the Gauss points of the sides."""
+        """Return p (t, 3, 2, 6) at the corners, from its moments at the sides' Gauss points."""
         corners = self.mesh.corners
         sides = np.roll(corners, -1, axis=1) - corners
         # from the moments h/2 p·n at the Gauss points of a side to h p·n at its start and end
@@ -192,7 +197,7 @@ class HeatBounds:
         self._bounds = Recent[float](64)
 
     def bound(self, scene: Scene, theta: Array) -> float:
-        """Return T [√(J/m)] of the P1 temperature θ_h (n,) of a scene; NaN where it is not proved."""
+        """Return T [√(J/m)] of the P1 temperature θ_h (n,), NaN where it is not proved."""
         key = scene.boundary, scene.heat, scene.material
         return self._bounds.of(key, lambda: self._bound(scene, theta))
 

@@ -330,7 +330,7 @@ class Level:
         scenes:    all scenes to come, if known: many values of α then share a few temperatures
         held:      False for a body that may slide along the contact line, which then has no λ₁
         guarantee: what is proved of the body (scene/mesh_plan.py)
-        band_of:   gives bounds of λ₁ of the body; None for those of this mesh, where they are wanted
+        band_of:   gives bounds of λ₁ of the body; None for those of this mesh, if they are wanted
         Raises GeometryFailed if errors of the body are bounded and an edge is curved.
         """
         start = time.perf_counter()

@@ -1,21 +1,21 @@
 """Data that equilibrium elements do not have exactly: their linear parts, and what the rest can do.
 
-A source or traction minus its L² projection onto linear functions is orthogonal to them. Against the
-error e of the displacement, or ε of the temperature, it does no more than
+A source or traction minus its L² projection onto linear functions is orthogonal to them. Against
+the error e of the displacement it does no more than
 
     |∫_K (f − f₁)·e| ≤ (h_K/j₁₁) R_K/√2μ ‖f − f₁‖_K ‖e‖_K,      R²_K = 1 + 2/β²_K,
     |∫_E (g − g₁)·e| ≤ √(|E|/|K| t_K) R_K/√2μ ‖g − g₁‖_E ‖e‖_K,   t_K = h²_K (1/j²₁₁ + 1/j₁₁),
 
-and the same for the temperature with 1/√k in place of R_K/√2μ (μ: the least of μ and λ + μ).
+with μ the least of μ and λ + μ. Against the error of the temperature 1/√k stands for R_K/√2μ.
 
 Poincaré: ‖v − v̄‖_K ≤ (h_K/j₁₁)‖∇v‖_K on a triangle.
 Trace:    with v̄ = 0 and P the corner opposite to E, div((x − P)v²) integrated over K gives
           ‖v‖²_E ≤ (|E|/|K|)(‖v‖² + h_K‖v‖‖∇v‖), and Poincaré the rest.
-Korn:     a rigid motion may be subtracted from e, as it is linear: then ‖∇e‖ ≤ R_K‖ε(e)‖. For the rotation
-          r of e, ∇r consists of derivatives of ε, so that ‖r − r̄‖ ≤ ‖ε(e)‖/β_K with the inf-sup constant
-          β_K of the divergence. A triangle is star-shaped with respect to its incircle (radius ρ) and lies
-          in the concentric circle of radius R through its farthest corner, hence
-          β_K ≥ ρ/√2R (1 + √(1 − ρ²/R²))^{−½}.
+Korn:     a rigid motion may be subtracted from e, as it is linear: then ‖∇e‖ ≤ R_K‖ε(e)‖. For the
+          rotation r of e, ∇r consists of derivatives of ε, so that ‖r − r̄‖ ≤ ‖ε(e)‖/β_K with the
+          inf-sup constant β_K of the divergence. A triangle is star-shaped with respect to its
+          incircle (radius ρ) and lies in the concentric circle of radius R through its farthest
+          corner, hence β_K ≥ ρ/√2R (1 + √(1 − ρ²/R²))^{−½}.
 Literature: M. Costabel and M. Dauge, Arch. Ration. Mech. Anal. 217 (2015) 873–898, Theorem 2.3 (β);
           R. S. Laugesen and B. A. Siudeja, J. Differential Equations 249 (2010) 118–135 (j₁₁).
 

@@ -177,7 +177,7 @@ class Study:
 
     @property
     def encloses_lambda_1(self) -> bool:
-        """Whether λ₁ of the body itself is enclosed: where asked, and in sweeps of bodies without arcs."""
+        """Whether λ₁ of the body is enclosed: where asked, and in sweeps of bodies without arcs."""
         if self.mesh.bounds_errors:
             return True
         body = self.scenes[0].body

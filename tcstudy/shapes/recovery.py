@@ -24,7 +24,7 @@ Indices = NDArray[np.intp]
 MIN_TRIANGLES = 4
 """Triangles that a patch of one ring needs; with fewer it has two rings."""
 MIN_DETERMINANT = 1e-6
-"""Determinant of the scaled moments below which a patch is too flat for a fit: its mean is taken."""
+"""Determinant of the scaled moments below which a patch, too flat for a fit, takes its mean."""
 
 
 def recovery_matrix(mesh: TriangleGeometry, boundary: Indices) -> sp.csr_array:

@@ -61,7 +61,7 @@ MAX_LEVELS = 60
 """Levels of a family that are tried."""
 MAX_SOLVE_SECONDS = 3.0
 MAX_SOLVE_SHARE = 4.0
-"""A solver is left out on finer meshes once it takes more seconds, and more times the other work."""
+"""A solver is left out on finer meshes once it takes more seconds, and more times other work."""
 FINER = 10
 """Ratio of the unknowns of the reference to those of the finest mesh compared with it."""
 LEAST_FINER = 2

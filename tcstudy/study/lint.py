@@ -316,7 +316,8 @@ def _soft(study: Study, all_loads: Sequence[Load], measures: Measures) -> Iterat
     if 0.0 < modulus < stress < math.inf:
         strain = stress / modulus
         yield note(
-            f"E = {modulus:g} Pa: {subject} of {stress:.3g} Pa would strain the body by {strain:.2g}",
+            f"E = {modulus:g} Pa: {subject} of {stress:.3g} Pa would strain the body by "
+            f"{strain:.2g}",
             "The model assumes strains that are small.",
             "a number without a unit is in Pa; write MPa or GPa if that was meant",
         )

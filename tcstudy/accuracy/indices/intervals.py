@@ -3,8 +3,8 @@
 Influence:  ψ = r y² − e²/(1 − h), r = D/s²: the efficient influence function of the index (Da Veiga
             & Gamboa, J. Nonparametr. Stat. 25 (2013) 573; Klein & Rochet, arXiv 2306.05842)
 Noise:      what the fit has of the noise is a quadratic form with the eigenvalues λ_j of
-            Q'ᵀ diag(e²/((1 − h) D)) Q', Q' the basis without the constant (Kline, Saggio & Sølvsten,
-            Econometrica 88 (2020) 1859). It is all that is left at S = 0, where ψ vanishes
+            Q'ᵀ diag(e²/((1 − h) D)) Q', Q' the basis without the constant (Kline, Saggio &
+            Sølvsten, Econometrica 88 (2020) 1859). It is all that is left at S = 0, where ψ vanishes
 Test:       t is in the interval if |log((1 − t)/(1 − S))| is within a quantile of its distribution,
             variance 2 Σλ² + 4 κ t/N and third cumulant 8 Σλ³ + 24 κ^{3/2} t (1 − t)/N² by Cornish
             and Fisher's expansion; the quantile is Student's with the degrees of freedom of var ψ
@@ -111,7 +111,7 @@ class IndexTest:
 
 
 def _noise_eigenvalues(basis: Array, weights: Array) -> Array:
-    """Return the eigenvalues of Q'ᵀ diag(weights) Q' with Q' the basis (N, p) without the constant."""
+    """Return the eigenvalues of Q'ᵀ diag(weights) Q', Q' the basis (N, p) without the constant."""
     constant = basis.sum(axis=0) / len(basis) ** 0.5
     projector = np.eye(len(constant)) - np.outer(constant, constant)
     shares, directions = np.linalg.eigh(projector)

@@ -208,7 +208,9 @@ TC.point = {
     const chosen = TC.point.equilibrium(line, point);
     let title = `at least ${count} equilibria`;
     if (completeness === 1) title = `${count} of ${count} equilibria, proved`;
-    if (completeness === 2) title = `${count} equilibria of the law's piecewise-linear approximation`;
+    if (completeness === 2) {
+      title = `${count} equilibria of the law's piecewise-linear approximation`;
+    }
     const lowest = equilibria.energy[first];
     const energyText = (order) =>
       order
