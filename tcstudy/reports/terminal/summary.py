@@ -443,8 +443,8 @@ def _limits(data: Any) -> Iterator[str]:
         points = counted(len(unbalanced), "point")
         yield (
             f"heat balance up to {number(defects.max(), 2)} at {points}: as thin triangles cost "
-            "the temperature its digits, remove slits and slivers of the body or refine towards them "
-            f"(worst at {_point(data, worst)})"
+            "the temperature its digits, remove slits and slivers of the body or refine towards "
+            f"them (worst at {_point(data, worst)})"
         )
 
 
