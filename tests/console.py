@@ -21,6 +21,7 @@ FILE = re.compile(r"^`(\w+\.yaml)`:\n\n```yaml\n(.*?)^```$", re.DOTALL | re.MULT
 MACHINE = re.compile(
     r"about [\d.]+ \w+"  # forecasts
     r"|\d(?:\.\d+)?e-1\d"  # residuals at rounding level
+    r"|\d+(?= segments)"  # of a path: events within rounding may be one or two
     r"|(?<=\d) +[\d.]+$(?=\n\n  Level)",  # the time of the finest mesh
     re.MULTILINE,
 )

@@ -329,7 +329,7 @@ def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
     """Return what is proved of the solutions of the finest level, and what speaks against them."""
     flags = {name: run.flag(name) for name, _ in PROOFS}
     facts = [f"{proof_classes(flags, run.ok)} (this mesh)"]
-    if run.take("proved_unique") is not None:
+    if run.take("proved_unique") is not None and unique.any():
         of_body = int(run.flag("proved_unique").sum())
         body = proved_object(run.nc.__dict__.get(GUARANTEE, ""))
         facts.append(f"{of_body} of {int(unique.sum())} unique for {body}")
