@@ -180,9 +180,10 @@ class Study:
         """Whether λ₁ of the body is enclosed: where asked, and in sweeps of bodies without arcs."""
         if self.mesh.bounds_errors:
             return True
+        if self.mesh.guarantee != "band" or self.kind != "run" or not self.scenes:
+            return False
         body = self.scenes[0].body
-        is_straight = body.brep is None and all(edge.through is None for edge in body.edges)
-        return self.mesh.guarantee == "band" and self.kind == "run" and is_straight
+        return body.brep is None and all(edge.through is None for edge in body.edges)
 
     @property
     def shape(self) -> tuple[int, ...]:
