@@ -181,6 +181,11 @@ class Geometry:
             areas[face.name] = areas.get(face.name, 0.0) + float(face.mass) * self.unit**2
         return areas
 
+    @property
+    def curved(self) -> list[str]:
+        """The names of edges that are not straight, in order."""
+        return sorted({curve.name for curve in self.curves if not curve.straight})
+
     @cached_property
     def corners(self) -> tuple[Junction, ...]:
         """Return the ends of boundary pieces, in order, and then those of interfaces."""

@@ -69,6 +69,8 @@ class PlaneMesh(TriangleGeometry):
     segments:      (s, 2) boundary edges, with the body on their left
     segment_curve: (s,) index of their curve
     time_mesh:     wall time of meshing or refining [s]
+    ancestor:      the finest mesh with at most MAX_ANCESTOR triangles of which this finer one is a
+                   refinement; None for a smaller mesh, and where there is none
     """
 
     mesh: Any
@@ -77,6 +79,7 @@ class PlaneMesh(TriangleGeometry):
     segments: Indices
     segment_curve: Indices
     time_mesh: float
+    ancestor: PlaneMesh | None = None
 
     @property
     def n_points(self) -> int:
@@ -243,7 +246,15 @@ def refine(coarser: PlaneMesh, marked: NDArray[np.bool_] | None = None) -> Plane
     if marked is not None:
         mesh.SetRefinementFlags(marked.tolist())
         mesh.Refine()
-    return _extract(mesh, coarser.geometry, coarser.level + 1, start)
+    finer_mesh = _extract(mesh, coarser.geometry, coarser.level + 1, start)
+    if len(finer_mesh.triangles) <= MAX_ANCESTOR:
+        return finer_mesh
+    is_small = len(coarser.triangles) <= MAX_ANCESTOR
+    return replace(finer_mesh, ancestor=coarser if is_small else coarser.ancestor)
+
+
+MAX_ANCESTOR = 1_500
+"""Most triangles of the coarser mesh that a mesh keeps."""
 
 
 @cache

@@ -111,7 +111,7 @@ class ErrorBounds:
             return dict.fromkeys(names, float("nan"))
         u = self.level.displacement(scene, v).reshape(2, -1).T
         residual, xi = self.equilibrated(scene, self.law(scene), u)
-        eta = residual + self.thermal_part(scene) + self._load(scene).oscillation
+        eta = residual + self.thermal_part(scene, residual) + self._load(scene).oscillation
         bound = self._bound(scene, u, eta, xi)
         least_norm = self._norm(scene, u) - bound
         relative = bound / least_norm if least_norm > 0.0 else float("nan")
@@ -183,8 +183,11 @@ class ErrorBounds:
         resultant = float(line.lengths @ xi.mean(axis=1))
         return distance * norm + abs(resultant - float(problem.xi(v).sum()))
 
-    def thermal_part(self, scene: Scene) -> float:
-        """Return T ≥ ‖θ − θ_h‖_ρ of the temperature (heat_bound.py) [√(J/m)]."""
+    def thermal_part(self, scene: Scene, residual: float = 0.0) -> float:
+        """Return T ≥ ‖θ − θ_h‖_ρ of the temperature (heat_bound.py) [√(J/m)].
+
+        residual: η of the displacement
+        """
         theta = scene.heat.theta
         if not scene.material.expands or not (
             needs_heat_solve(scene) or isinstance(theta, Expression)
@@ -192,7 +195,7 @@ class ErrorBounds:
             return 0.0
         if isinstance(theta, Expression):
             return 0.0 if is_linear(theta) else self._interpolation_error(scene, theta)
-        return self._heat.bound(scene, self.level.temperature(scene).theta)
+        return self._heat.bound(scene, self.level.temperature(scene).theta, residual)
 
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
         """Return η [√(J/m)] and ξ* (s, 2) at the ends of the segments of Γ_C [Pa].

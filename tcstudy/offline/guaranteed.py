@@ -54,7 +54,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.fem.forms import ContactLine, edge_arms, unknown
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.oscillation import TRIANGLE_POINTS, TRIANGLE_WEIGHTS
-from tcstudy.scene.records import Point, Role, Scene
+from tcstudy.scene.records import Body, Point, Role, Scene
 from tcstudy.shapes.edges import GAUSS, TriangleGeometry, segment_mass
 
 Array = NDArray[np.float64]
@@ -505,9 +505,9 @@ def lambda_1_band(
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 
 
-def require_straight(mesh: PlaneMesh) -> None:
-    """Raise GeometryFailed for curved edges: their polygon is another body."""
-    curved = sorted({curve.name for curve in mesh.geometry.curves if not curve.straight})
+def require_straight(mesh: PlaneMesh, body: Body) -> None:
+    """Raise GeometryFailed for curved edges and regions: their polygons are another body."""
+    curved = [*mesh.geometry.curved, *body.curved_regions]
     if curved:
         names = ", ".join(curved)
         fault = f"a guarantee needs straight edges, but the mesh of {names} is another body"

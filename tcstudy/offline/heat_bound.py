@@ -18,7 +18,8 @@ M_h:  M²_h = κ²_h + max ρ(h_K/j₁₁)²/k. κ²_h is the largest eigenvalue
       over piecewise constant sources: the compliance of BDM1 less that of P1. ε is orthogonal to P1
       in c, hence ‖ε‖²_ρ = c((I − P)z, ε), with z the temperature of the source ρε and P the
       projection onto P1. The mean of ε on each triangle gives at most κ_h, the rest (h/j₁₁)√(ρ/k)
-      by Poincaré's inequality.
+      by Poincaré's inequality. z has no better approximation in a smaller space, so that M_H of a
+      mesh of which this one is a refinement serves too.
 κ_h:  from Lanczos, which is from below; then proved from above. With t a little greater,
           [K̂ + diag αh/2, 0, B; 0, −A, F; Bᵀ, Fᵀ, t²/ρ|K| − 1/s]
       has as many negative pivots as A (P1) has rows if and only if κ_h < t.
@@ -36,6 +37,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.linalg
@@ -64,6 +66,8 @@ Indices = NDArray[np.intp]
 LANCZOS_TOLERANCE = 0.03
 """Relative accuracy of κ²_h from Lanczos: T is small beside η of the displacement."""
 LANCZOS_VECTORS = 6
+SMALL = 0.1
+"""T relative to η of the displacement up to which the constant of a coarser mesh serves."""
 MARGINS = (1.02, 1.1, 1.5, 3.0)
 """Factors of κ²_h for which the bound from above is tried in turn."""
 MAX_ROUNDING = 1e-6
@@ -187,25 +191,42 @@ class _Solver:
         return self._condensation.expand(kept, rows)
 
 
+_CONSTANTS: WeakKeyDictionary[PlaneMesh, Recent[float]] = WeakKeyDictionary()
+"""M_h that were computed, by mesh: the levels refined from a mesh share those of it."""
+
+
 class HeatBounds:
     """Bounds ‖θ − θ_h‖_ρ ≤ T of the computed temperatures of one mesh."""
 
     def __init__(self, mesh: PlaneMesh) -> None:
         self.mesh = mesh
         self._dual_factors = Recent[tuple[FluxElements, sp.csr_array, Condensation]](4)
-        self._constants = Recent[float](256)
-        self._bounds = Recent[float](64)
+        self._constants = _CONSTANTS.setdefault(mesh, Recent[float](256))
+        self._energies = Recent[float](64)
 
-    def bound(self, scene: Scene, theta: Array) -> float:
-        """Return T [√(J/m)] of the P1 temperature θ_h (n,), NaN where it is not proved."""
+    def bound(self, scene: Scene, theta: Array, residual: float = 0.0) -> float:
+        """Return T [√(J/m)] of the P1 temperature θ_h (n,), NaN where it is not proved.
+
+        residual: η that T is added to; a T that is small beside it may come from a coarser mesh
+        """
         key = scene.boundary, scene.heat, scene.material
-        return self._bounds.of(key, lambda: self._bound(scene, theta))
-
-    def _bound(self, scene: Scene, theta: Array) -> float:
         try:
-            return self.constant(scene) * self.energy(scene, theta)
+            energy = self._energies.of(key, lambda: self.energy(scene, theta))
+            coarse = self._coarse(scene)
+            if coarse is not None:
+                bound = coarse.constant(scene) * energy
+                if bound <= SMALL * residual:
+                    return bound
+            return self.constant(scene) * energy
         except NotPositiveDefinite:  # to rounding: nearly no exchange of heat
             return float("nan")
+
+    def _coarse(self, scene: Scene) -> HeatBounds | None:
+        """Return the bounds of a coarser mesh of the same body, whose constant holds here too."""
+        coarse = self.mesh.ancestor
+        if coarse is None or self.mesh.geometry.curved or scene.body.curved_regions:
+            return None
+        return HeatBounds(coarse)
 
     # -- data --------------------------------------------------------------------------------------
 

@@ -339,7 +339,7 @@ class Level:
         self._band_of = band_of
         self._has_band = band_of is not None or guarantee in ("bounds", "polygon")
         if guarantee == "bounds":
-            require_straight(mesh)
+            require_straight(mesh, scene.body)
         self._bands = Recent[Band]()
         self._frames = Recent[Frames]()
         self._laws = Recent[Laws]()

@@ -119,6 +119,15 @@ class Body:
         """The edges of its loops."""
         return tuple(edge for loop in self.loops for edge in loop.edges)
 
+    @property
+    def curved_regions(self) -> tuple[str, ...]:
+        """The regions with arcs, in place of which a mesh has polygons."""
+        return tuple(
+            region.name
+            for region in self.regions
+            if any(edge.through is not None for edge in region.loop.edges)
+        )
+
 
 @dataclass(frozen=True)
 class EdgeHeat:

@@ -182,7 +182,9 @@ class Study:
             return True
         if self.mesh.guarantee != "band" or self.kind != "run" or not self.scenes:
             return False
-        body = self.scenes[0].body
+        body, material = self.scenes[0].body, self.scenes[0].material
+        if set(body.curved_regions) & set(dict(material.regions)):
+            return False
         return body.brep is None and all(edge.through is None for edge in body.edges)
 
     @property

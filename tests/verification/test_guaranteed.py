@@ -162,6 +162,17 @@ def test_curved_edges_are_refused() -> None:
         Level(level.mesh, study.scenes[0], guarantee="bounds")
 
 
+def test_a_round_part_is_refused_as_its_mesh_has_a_polygon() -> None:
+    part = ", regions: {part: {circle: {center: [1, 0.5], radius: 0.2}}}"
+    text = STABILITY.replace("height: 1}", "height: 1}" + part, 1)
+    text = text.replace(", guarantee: true", "").split("sweep")[0]
+    study = study_of(text)  # the part is of the same material: λ₁ does not see it
+    assert study.encloses_lambda_1
+    with pytest.raises(GeometryFailed, match=r"guarantee.*part"):
+        Level(levels_of(study)[0].mesh, study.scenes[0], guarantee="bounds")
+    assert not study_of(text + "materials: {part: {E: 5, nu: 0.3}}").encloses_lambda_1
+
+
 STABILITY = """
 units: none
 body: {rectangle: {width: 2, height: 1}}

@@ -11,6 +11,7 @@ import yaml
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import prolongation
+from tcstudy.fem import meshes
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.heat_bound import CompliancePair, HeatBounds
@@ -203,3 +204,38 @@ def test_without_the_bound_of_the_temperature_some_errors_are_above(
     monkeypatch.setattr(ErrorBounds, "thermal_part", lambda *_: 0.0)
     error, bound, _ = bounded(heated_scene_of(22)[0])
     assert bound < 0.95 * error
+
+
+@pytest.mark.parametrize("seed", [4, 22])
+def test_the_constant_of_a_coarser_mesh_is_greater_and_serves_where_t_is_small(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(meshes, "MAX_ANCESTOR", 200)
+    study = study_of(heated_scene_of(seed)[0], "mesh.levels=4")
+    scene, levels = study.scenes[0], levels_of(study)
+    last = levels[-1]
+    coarse = last.mesh.ancestor
+    assert coarse is not None
+    assert coarse in [level.mesh for level in levels[:-1]]
+    assert len(coarse.triangles) <= 200 < len(last.mesh.triangles)
+    theta, bounds = last.temperature(scene).theta, HeatBounds(last.mesh)
+    of_coarse, own = HeatBounds(coarse).constant(scene), bounds.constant(scene)
+    assert own <= of_coarse
+    energy = bounds.energy(scene, theta)
+    assert bounds.bound(scene, theta) == own * energy
+    assert bounds.bound(scene, theta, residual=10.1 * of_coarse * energy) == of_coarse * energy
+    assert bounds.bound(scene, theta, residual=9.9 * of_coarse * energy) == own * energy
+
+
+def test_a_mesh_with_arcs_goes_by_its_own_constant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its refinement has another polygon."""
+    monkeypatch.setattr(meshes, "MAX_ANCESTOR", 100)
+    hole = ", holes: [{circle: {center: [1, 0.5], radius: 0.2, edge: bore}}]"
+    text = PARABOLA.replace("ALPHA", "1").replace("height: 1}", "height: 1}" + hole)
+    study = study_of(text.replace("bottom: contact", "bottom: contact, bore: free"))
+    scene, levels = study.scenes[0], levels_of(study)
+    mesh, theta = levels[-1].mesh, levels[-1].temperature(scene).theta
+    bounds = HeatBounds(mesh)
+    assert mesh.ancestor is not None
+    T = bounds.constant(scene) * bounds.energy(scene, theta)
+    assert bounds.bound(scene, theta, residual=1e6 * T) == T
