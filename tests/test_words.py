@@ -84,6 +84,9 @@ TERMS = {
 WRITTEN = [(re.compile(pattern), term) for pattern, term in TERMS.items()]
 GUIDES = (
     "README.md",
+    "tcstudy/METHOD.md",
+    "tcstudy/README.md",
+    "tcstudy/cluster.md",
     "tcstudy/trust.md",
     *(f"results/{path.name}" for path in sorted((ROOT / "results").glob("*.md"))),
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "configs").rglob("*.md"))),
