@@ -14,8 +14,8 @@ import pytest
 from tcstudy.data import schema, store
 from tcstudy.data.files import collect
 from tcstudy.data.reading import open_results
-from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.data.schema import PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord, Record
+from tcstudy.data.schema import POINT_LEVEL, SWEEP, FileVariable, PointStatus
 from tcstudy.data.tables import axis_names
 from tcstudy.data.variables import sweep_points, tile_shape, tiles
 from tcstudy.reports.select_point import describe, locate
@@ -88,6 +88,56 @@ def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(
             "iterations": False,
             "unique": False,
         }  # filled integers are read as floats
+
+
+def test_numbers_of_points_include_those_of_each_start(study: Study) -> None:
+    names = {variable.name for variable in store.numbers(study)}
+    assert {"energy", "start_energy"} <= names
+    assert not {"status", "reason", "h_max"} & names
+
+
+def test_only_a_level_with_live_arrays_has_their_group(output: Path, study: Study) -> None:
+    level = make_level(0)
+    matrix = np.arange(9.0).reshape(3, 3)
+    live = replace(level, fields={"live_A_tilde": matrix})
+    for record, groups in ((level, []), (live, ["live"])):
+        write(output, study, [record], [make_block(0)])
+        with netCDF4.Dataset(output) as nc:
+            assert [*nc["level_0"].groups] == groups
+    with netCDF4.Dataset(output) as nc:
+        np.testing.assert_array_equal(nc["level_0/live/A_tilde"], matrix)
+
+
+@pytest.mark.parametrize("axes", [(), (ALPHA,)], ids=["one point", "a sweep"])
+def test_a_record_lies_along_its_sweep_and_names_no_folder(
+    output: Path, axes: tuple[Axis, ...]
+) -> None:
+    """A table may have variables without values, which are left out."""
+    study = make_study(axes=axes)
+    count = math.prod(study.shape)
+    tables = [
+        FileVariable("slope", "f8", "1", "order"),
+        FileVariable("reason", "str", "", "why there is no solution", (SWEEP,)),
+        FileVariable("absent", "f8", "1", "a variable without values", POINT_LEVEL),
+    ]
+    values = {
+        "slope": np.arange(2.0 * count).reshape(count, 2),
+        "reason": ["cannot read /home/me/a.step"] * count,
+    }
+    record = Record("convergence", tables, values, {"reference": "in /home/me/b.nc", "number": 3})
+    attributes = collect(study, ["tcstudy"])
+    store.write_record(output, study, record, attributes)
+    with netCDF4.Dataset(output) as nc:
+        names = ["alpha"] if axes else []
+        assert [*nc.variables] == [*names, "slope", "reason"]
+        assert nc["slope"].dimensions == (*names, "level")
+        np.testing.assert_array_equal(nc["slope"], values["slope"].reshape(*study.shape, 2))
+        assert [*np.ravel(nc["reason"][...])] == ["cannot read a.step"] * count
+        assert (nc.content, nc.reference, nc.number) == ("convergence", "in b.nc", 3)
+    without_reasons = replace(record, values={"slope": values["slope"]})
+    store.write_record(output, study, without_reasons, attributes)
+    with netCDF4.Dataset(output) as nc:
+        assert [*nc.variables] == [*names, "slope"]
 
 
 TAKEN = ("level_0", "geometry_12", "own_point", "live", "step", "probe_p_u_x", "error_u_T_L2")
