@@ -58,6 +58,13 @@ def test_one_fault_gives_one_error_at_its_place(
         line,
     )
     assert part in line
+
+
+@pytest.mark.parametrize("role", ["", "role: clampd, "])
+def test_a_swept_key_of_an_edge_without_a_known_role_is_no_further_fault(role: str) -> None:
+    text = changed("left: clamped", f"left: {{{role}u_x: 0}}")
+    [line] = problems(text, "sweep={boundary.left.u_x: [0, 1 mm]}")
+    assert ": boundary.left.role: " in line
     assert "; " in line  # the remedy
 
 
