@@ -190,7 +190,7 @@ def test_all_records_come_back_to_the_bit(
         monkeypatch.setattr(store, "CHUNK", 256)
         monkeypatch.setattr("tcstudy.data.variables.CHUNK", 256)
         monkeypatch.setattr("tcstudy.data.variables.MAX_CONTIGUOUS", 16)
-        monkeypatch.setattr(store, "MAX_MEMORY", 2**17)
+        monkeypatch.setattr(store, "MAX_MEMORY", 2**14)
     made = MadeUp(sweep)
     every = made.study.mesh.levels * len(made.study.scenes)
     refused = 2 * len(made.study.variants[-1].places)
@@ -212,6 +212,24 @@ def test_all_records_come_back_to_the_bit(
             assert there.keys() == kept.keys()
             for place, values in kept.items():
                 assert all(equal(array, there[place][name]) for name, array in values.items())
+
+
+def test_live_arrays_of_a_geometry_are_those_of_its_own_run(tmp_path: Path) -> None:
+    """On both levels; those of the shorter contact line are padded."""
+    widths = ("100 mm", "200 mm")
+    options = ["output={live: true}", "sweep={nu: [0.3, 0.2]}"]
+    for width in widths:
+        study = read_study_text(BARS, "s", [*options, f"body.rectangle.width={width}"])
+        tcstudy.run(study, tmp_path / f"{width}.nc")
+    sweep = f"sweep={{body.rectangle.width: [{', '.join(widths)}], nu: [0.3, 0.2]}}"
+    tcstudy.run(read_study_text(BARS, "s", [options[0], sweep]), tmp_path / "all.nc")
+    for number, width in enumerate(widths):
+        with opened(tmp_path / "all.nc") as nc, opened(tmp_path / f"{width}.nc") as alone:
+            for group in ("level_0/live", "level_1/live"):
+                for name, variable in alone[group].variables.items():
+                    own = tuple(slice(n) for n in variable.shape)
+                    values = nc[group][name][number][own]
+                    np.testing.assert_array_equal(values, variable[...], name)
 
 
 def as_new(file: Path, target: Path) -> Path:
