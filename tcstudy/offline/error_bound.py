@@ -57,6 +57,7 @@ from tcstudy.offline.oscillation import (
 from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Role, Scene
+from tcstudy.shapes.edges import GAUSS
 
 Array = NDArray[np.float64]
 
@@ -110,8 +111,7 @@ class ErrorBounds:
         if why_no_bound(scene):
             return dict.fromkeys(names, float("nan"))
         u = self.level.displacement(scene, v).reshape(2, -1).T
-        residual, xi = self.equilibrated(scene, self.law(scene), u)
-        eta = residual + self.thermal_part(scene, residual) + self._load(scene).oscillation
+        eta, xi = self.whole_residual(scene, u)
         bound = self._bound(scene, u, eta, xi)
         least_norm = self._norm(scene, u) - bound
         relative = bound / least_norm if least_norm > 0.0 else float("nan")
@@ -130,19 +130,25 @@ class ErrorBounds:
         omega = self.law(scene).omega
         starts = [0.0, omega] if omega < low else [0.0]
         w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
-        law, polygon_error = self._polygon(self.unscaled_law(scene))
-        strengths = self._strengths(scene)
+        law, polygon_error = self.polygon(self.unscaled_law(scene))
+        strengths = self.strengths(scene)
         if strengths is not None:
             polygon_error *= float(strengths.max())
         slack = POLYGON_SHARE * low if polygon_error > 0.0 else 0.0
-        M = consistency(law, line.lengths, xi, self._slip(u), w, strengths)
+        M = consistency(law, line.lengths, xi, self.slip(u), w, strengths)
         k = 1.0 - (w + slack) / low
         M, k = M[k > 0.0], k[k > 0.0]
         if slack:
             M = M + polygon_error**2 * line.lengths.sum() / (4.0 * slack)
         return float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
 
-    def _slip(self, u: Array) -> Array:
+    def whole_residual(self, scene: Scene, u: Array, near: bool = False) -> tuple[float, Array]:
+        """Return η with what temperature and data add to it [√(J/m)], and ξ* as `equilibrated`."""
+        residual, xi = self.equilibrated(scene, self.law(scene), u, near)
+        eta = residual + self.thermal_part(scene, residual) + self._load(scene).oscillation
+        return eta, xi
+
+    def slip(self, u: Array) -> Array:
         """Return u_hT (s, 2) at the ends of the segments of Γ_C."""
         line = self.level.line
         along = (line.ends[:, 1] - line.ends[:, 0]) / line.lengths[:, None]
@@ -197,10 +203,14 @@ class ErrorBounds:
             return 0.0 if is_linear(theta) else self._interpolation_error(scene, theta)
         return self._heat.bound(scene, self.level.temperature(scene).theta, residual)
 
-    def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
+    def equilibrated(
+        self, scene: Scene, law: Laws, u: Array, near: bool = False
+    ) -> tuple[float, Array]:
         """Return η [√(J/m)] and ξ* (s, 2) at the ends of the segments of Γ_C [Pa].
 
-        u: (n, 2) the displacement u_h
+        u:    (n, 2) the displacement u_h
+        near: whether the contact problem of the equilibrium elements is solved from u_hT on, to find
+              the stress of its branch, not from zero
         """
         (dual, factor), load = self.level.dual(scene), self._load(scene)
         if factor != 1.0:
@@ -209,7 +219,15 @@ class ErrorBounds:
         at_gauss = law.tables.at(np.repeat(law_of_segment, 2)[None])
         rows = load.rows / factor
         l_tilde = dual.condensation.condensed(rows)
-        solution = solve_block(dual.contact, l_tilde[None], at_gauss, "from-zero", prove=False)
+        start = self.slip(u) @ np.array([1.0 - GAUSS, GAUSS]) if near else None
+        solution = solve_block(
+            dual.contact,
+            l_tilde[None],
+            at_gauss,
+            "continued" if near else "from-zero",
+            neighbours=None if start is None else start.reshape(1, -1),
+            prove=False,
+        )
         w = dual.condensation.expand(solution.v[0], rows)
         if dual.ties is not None:
             w = dual.ties @ w
@@ -220,7 +238,7 @@ class ErrorBounds:
         xi = traction.mean(axis=1)[:, None] + np.multiply.outer(change, [-0.5, 0.5])
         return float(np.sqrt(eta2)), xi
 
-    def _polygon(self, law: Laws) -> tuple[Laws, float]:
+    def polygon(self, law: Laws) -> tuple[Laws, float]:
         """Return a piecewise-linear law and the largest distance of b from it [Pa]."""
         if law.piecewise_linear:
             return law, 0.0
@@ -333,7 +351,7 @@ class ErrorBounds:
             _varies(factor) for _, _, factor in friction.laws
         )
 
-    def _strengths(self, scene: Scene) -> Array | None:
+    def strengths(self, scene: Scene) -> Array | None:
         """Return the least and largest strength (2, s, PARTS) on parts of segments.
 
         It is 1 where the strength is a number, and None if it is a number everywhere.

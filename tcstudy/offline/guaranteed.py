@@ -565,6 +565,15 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     stiffness: (t,) half the least of c, min(μ, λ + μ) [Pa]
     """
     owner = mesh.owner[line.which]
+    return float(np.bincount(owner, neglected_by_segment(mesh, line, stiffness)).max())
+
+
+def neglected_by_segment(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> Array:
+    """Return bounds (s,) of sup_v ‖(I − π)v_T‖²_e/a_K(v,v) of the segments e of Γ_C [m/Pa].
+
+    stiffness: as for `neglected`
+    """
+    owner = mesh.owner[line.which]
     first, second = np.moveaxis(line.ends, 1, 0)
     corners = mesh.triangles[owner]
     ends = line.segments
@@ -584,7 +593,7 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     assert np.all((x * share <= inner) & (inner <= 1.0 - (1.0 - x) * share))
     shapes, which = np.unique(np.column_stack([inner, low]), axis=0, return_inverse=True)
     C2 = shape_constants(tuple(map(tuple, shapes.tolist())))[which]
-    return float(np.bincount(owner, C2 * h / (2.0 * stiffness[owner])).max())
+    return np.asarray(C2 * h / (2.0 * stiffness[owner]))
 
 
 CHILDREN = np.array([[0, 6, 5], [1, 2, 7], [8, 3, 4], [8, 6, 7]])

@@ -327,7 +327,7 @@ def test_slips_and_the_friction_resultant_lie_within_their_bounds(seed: int) -> 
         u = level.displacement(scene, v).reshape(2, -1).T
         x = line.ends[:, :, 0]
         order = np.argsort(x.min(axis=1))
-        steps = (line.lengths * ErrorBounds(level)._slip(u).mean(axis=1))[order]
+        steps = (line.lengths * ErrorBounds(level).slip(u).mean(axis=1))[order]
         ends = np.concatenate([x.min(axis=1)[order], [x.max()]])
         return ends, np.concatenate([[0.0], np.cumsum(steps)])
 
