@@ -244,7 +244,8 @@ class StoredBody:
         status = [self.read(self.nc["status"], level) for level in levels]
         table = {"status": ((*self.dims, "level"), np.stack(status, axis=-1))}
         for name in names:
-            table[name] = (("level",), np.array([self.once(name, level) for level in levels]))
+            values = [self.once(name, level) for level in levels]
+            table[name] = (("level",), np.array(values))
         return xarray.Dataset(table)
 
     def coordinates(self) -> dict[str, Any]:

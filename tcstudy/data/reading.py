@@ -104,7 +104,8 @@ def by_point(values: Any, data: Any) -> NDArray[Any]:
 def axis_names(data: Any) -> list[str]:
     """Return the names of the swept parameters of a root dataset."""
     sweep = set(sweep_dims(data))
-    return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
+    coordinates = (name for name in data.coords if data[name].dims)
+    return [str(name) for name in coordinates if set(data[name].dims) <= sweep]
 
 
 ASKED = ("force_", "work_", "section_force_", "probe_", "reaction_", "theta_mean_", "von_mises_")

@@ -414,8 +414,8 @@ class Context:
                 return node.value
             case "flag or word" if not isinstance(node.value, bool):
                 words = ", ".join(row.words)
-                what = f"must be true, false or {words}, but is {node.kind()}"
-                self.at(node, what, f"write true, false or {words}, without quotes")
+                fault = f"must be true, false or {words}, but is {node.kind()}"
+                self.at(node, fault, f"write true, false or {words}, without quotes")
                 return False
             case "flag" | "flag or word":
                 if not isinstance(node.value, bool):

@@ -96,13 +96,13 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
     return MeshPlan(sizes, levels, family, goal=goal, **options)
 
 
-def _guarantee(given: bool | str | None, goal: Goal) -> Guarantee:
+def _guarantee(word: bool | str | None, goal: Goal) -> Guarantee:
     """Return what is proved of the body, from the key and a tolerance of the proved bound."""
-    if given == "polygon":
+    if word == "polygon":
         return "polygon"
-    if given or goal.proved:
+    if word or goal.proved:
         return "bounds"
-    return "band" if given is None else "none"
+    return "band" if word is None else "none"
 
 
 def _check_tolerance(ctx: Context, fields: Fields) -> None:
