@@ -10,6 +10,7 @@ search              starts from which descent finds less energy
 certificates        what is proved of a solution
 all_solutions       all solutions of small problems
 boxes               boxes that hold all solutions, made smaller by proof
+curves, soft_modes  parts with one solution or one curve, ties; the search on fine meshes
 simplex_qp, bundle  the published method for any locally Lipschitz function
 path/               equilibria on one branch along a parameter
 history/            steps of a load history with memory

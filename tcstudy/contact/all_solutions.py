@@ -3,9 +3,11 @@
 Statement: for the given doubles Ã, l̃, c and the polygons through the laws' values at their kinks
            the search finds all cells (one side of its polygon for every node) that may hold a
            solution. In a cell the problem is linear. It has one solution if its matrix is proved
-           regular and the solution inside, none if that is proved outside. Otherwise it is
-           undecided (a solution on a kink within rounding, as exact symmetry makes them, or a
-           singular cell).
+           regular and the solution inside, none if that is proved outside. Otherwise the sides
+           that the solution touches within rounding are decided together (contact/curves.py).
+           What is then undecided is a point where branches meet on kinks, or a singular cell.
+Fine mesh: a problem of many boxes is searched by amplitudes of its soft modes
+           (contact/soft_modes.py), then, if limits stop that, as it began.
 Count:     with growth (15), (16) and Ã positive definite the degree is 1, so that the number of
            regular solutions is odd: a check of every list
 Stable:    a strict local minimum of L̃: no node inside a down-jump, and Ã + C diag b′ positive
@@ -14,7 +16,7 @@ Stable:    a strict local minimum of L̃: no node inside a down-jump, and Ã + C
 Left out: laws with exponential pieces. The caller names the polygon that replaces them
 (`laws.composed.piecewise_linear`), which is another problem.
 
-The search is in contact/boxes.py.
+The search of boxes is in contact/boxes.py.
 """
 
 from __future__ import annotations
@@ -24,9 +26,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.boxes import Limits, PolygonProblems, reach_of
+from tcstudy.contact.boxes import Cells, Limits, PolygonProblems, reach_of
 from tcstudy.contact.certificates import strict_minimum
+from tcstudy.contact.curves import Found, Part, Parts, ties
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.soft_modes import ModeAnswer, ModeSearch
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND
@@ -39,6 +43,25 @@ SAME = 1e-7
 """Solutions that differ by less than this part of the largest slip are the same."""
 LAW_ERROR = 1e-3
 """Error of the polygon of a law with exponential pieces, relative to its scale."""
+FIRST_BOXES = 300
+"""Boxes of a problem after which it is searched by its soft modes."""
+MODE_SHARE = 0.25
+"""Share of the limits that this search has; the first one goes on with the rest of the time."""
+_CELLS = (
+    "of pieces of the law cannot be decided within rounding (a solution on a kink, as exact "
+    "symmetry makes them, or a singular piece)"
+)
+OF_CELLS = (f"combination {_CELLS}", f"combinations {_CELLS}")
+"""What is said of one undecided cell, and of many."""
+_KINKS = (
+    "where branches meet on kinks of the law, or a piece is singular: there the number of "
+    "solutions within rounding is not defined"
+)
+ON_KINKS = (
+    f"point of the law's graphs is undecided, {_KINKS}",
+    f"points of the law's graphs are undecided, {_KINKS}",
+)
+"""What is said of one undecided part, and of many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +73,8 @@ class Equilibria:
     energy:    (S,) L̃ [J/m];  stable: (S,) strict local minimum
     sides:     (S, m) side of its polygon that every node is on, which identifies a solution
     complete:  True if these are proved to be all;  reason: why they are not, "" if they are
-    undecided: (U, m) sides of the cells that may hold one more solution each
+    undecided: (U, m) first sides of parts of the graphs that may hold more solutions, each of them
+               a piece or two beside each other for every node
     boxes:     number of boxes of the search
     law_error: error of the polygon that replaces an exponential law, relative to its scale; 0
                without one
@@ -93,7 +117,7 @@ def of_rows(
     lambda_1 = lambda_1 or rows.body.lambda_1
     laws = polygon_laws(rows, law_error, lambda_1)
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
-    cells = problems.search(limits)
+    cells, by_modes = _searched(problems, limits)
     load_of_cell = loads[cells.problem]
     segments = problems.segments(cells.problem, cells.sides, load_of_cell, problems.change)
     is_undecided = ~segments.has_segment & ~segments.is_empty
@@ -105,15 +129,21 @@ def of_rows(
     for row in range(len(loads)):
         is_in_row = cells.problem == row
         is_solution = is_in_row & segments.has_segment
-        undecided = cells.sides[is_in_row & is_undecided]
-        v = segments.u[is_solution, 0]
+        sides = cells.sides[is_solution]
+        undecided_cells = cells.sides[is_in_row & is_undecided]
+        found, undecided = _settled(problems, row, sides, undecided_cells, by_modes.get(row))
+        v = np.concatenate([segments.u[is_solution, 0], *(one.v[None] for one in found)])
+        sides = np.concatenate([sides, *(one.sides[None] for one in found)])
         row_of_v = np.full(len(v), row)
         solved = ContactProblem.on(body, loads[row_of_v], laws.at(rows.law.index[row_of_v]))
         energy = solved.energy(v)
         stable = strict_minimum(solved, v)
+        stable[len(v) - len(found) :] = [one.stable for one in found]
         boxes = int(cells.boxes[row])
         limit = limits.met(boxes) if cells.stopped[row] else ""
-        reason = unproved(limit, len(undecided), len(v))
+        reason = unproved(limit, len(undecided), len(v), ON_KINKS)
+        if row in by_modes:
+            boxes += by_modes[row].boxes
         order = np.argsort(energy, kind="stable")
         equilibria.append(
             Equilibria(
@@ -121,15 +151,69 @@ def of_rows(
                 xi=solved.xi(v[order]),
                 energy=energy[order],
                 stable=stable[order],
-                sides=cells.sides[is_solution][order],
+                sides=sides[order],
                 complete=not reason,
                 reason=reason,
-                undecided=undecided,
+                undecided=np.array([part.first for part in undecided], dtype=np.intp).reshape(
+                    -1, len(c)
+                ),
                 boxes=boxes,
                 law_error=float(errors[row]),
             )
         )
     return equilibria
+
+
+def _searched(problems: PolygonProblems, limits: Limits) -> tuple[Cells, dict[int, ModeAnswer]]:
+    """Return the cells of all problems, and what the search by modes found of some.
+
+    A problem of many boxes is searched by its soft modes. If limits stop that, the first search
+    goes on. Where it does not, its cells are left out.
+    """
+    first = replace(limits, boxes=min(limits.boxes, FIRST_BOXES))
+    cells = problems.search(first)
+    has_time = limits.seconds > 0.0 and limits.boxes > FIRST_BOXES
+    rows = np.flatnonzero(cells.stopped & (cells.boxes > first.boxes)).tolist() if has_time else []
+    if not rows:
+        return cells, {}
+    share = Limits(int(MODE_SHARE * limits.boxes), MODE_SHARE * limits.seconds)
+    by_modes = {row: ModeSearch(problems.single(row)).search(share) for row in rows}
+    is_answered = np.zeros(len(cells.boxes), dtype=bool)
+    is_answered[[row for row in rows if not by_modes[row].stopped]] = True
+    is_open = ~is_answered[cells.problem]
+    cells = cells._replace(problem=cells.problem[is_open], sides=cells.sides[is_open])
+    assert cells.waiting is not None
+    left = cells.waiting.take(~is_answered[cells.waiting.problem])
+    boxes = cells.boxes - np.bincount(
+        cells.waiting.problem[is_answered[cells.waiting.problem]], minlength=len(cells.boxes)
+    )
+    cells = cells._replace(boxes=boxes, stopped=cells.stopped & ~is_answered, waiting=left)
+    if len(left.low):
+        rest = replace(limits, seconds=(1.0 - MODE_SHARE) * limits.seconds)
+        cells = problems.search(rest, cells)
+    return cells, by_modes
+
+
+def _settled(
+    problems: PolygonProblems,
+    row: int,
+    sides: Index,
+    undecided_cells: Index,
+    by_modes: ModeAnswer | None,
+) -> tuple[list[Found], list[Part]]:
+    """Return the solutions of a problem beside those of cells, and the parts left undecided.
+
+    sides:           (n, m) cells of known solutions
+    undecided_cells: (n, m) cells that may hold others, on kinks of several cells
+    """
+    if by_modes is not None and not by_modes.stopped:
+        return by_modes.solutions, by_modes.undecided
+    known = [] if by_modes is None else by_modes.solutions
+    undecided = list[Part]()
+    if len(undecided_cells):
+        parts = Parts(problems.single(row))
+        known, undecided = ties(parts, undecided_cells, known)
+    return [one for one in known if not any(one.part.has(cell) for cell in sides)], undecided
 
 
 def polygon_laws(rows: ContactProblem, law_error: float, lambda_1: float) -> Laws:
@@ -187,21 +271,18 @@ def sides_of_codes(laws: Laws) -> Index:
     return np.asarray(sides.ravel(), dtype=np.intp)
 
 
-def unproved(limit: str, undecided: int, count: int) -> str:
+def unproved(limit: str, undecided: int, count: int, words: tuple[str, str] = OF_CELLS) -> str:
     """Return why solutions of a load, or of a range, are not proved to be all, "" if they are.
 
     limit:     that was met, in words
-    undecided: number of undecided cells
+    undecided: number of undecided cells, or parts
     count:     of the solutions, where a range begins
+    words:     what is said of one that is undecided, and of many
     """
     if limit:
         return f"the limit of {limit}"
     if undecided:
-        plural = "s" if undecided > 1 else ""
-        return (
-            f"{undecided} combination{plural} of pieces of the law cannot be decided within "
-            "rounding (a solution on a kink, as exact symmetry makes them, or a singular piece)"
-        )
+        return f"{undecided} {words[undecided > 1]}"
     if count % 2 == 0:
         return f"the number of solutions, {count}, is even, which no regular problem has"
     return ""

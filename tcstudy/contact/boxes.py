@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -51,7 +52,7 @@ A part of a box that is half as wide does not count.
 """
 MAX_ROUNDS = 40
 """Most rounds of row steps and a strip step before a box is split."""
-_MAX_TURNS = 8
+MAX_TURNS = 8
 """Most turns of row steps; after each turn boxes leave that have stopped moving."""
 _STEPS_PER_TURN = 20
 _MIN_MOVE = 1e-3
@@ -146,12 +147,14 @@ class Cells(NamedTuple):
     problem, sides: (n,), (n, m) sides of all nodes in each cell that may hold solutions
     boxes:   (P,) number of boxes of each problem
     stopped: (P,) whether a limit ended the search: there may be more cells
+    waiting: boxes that a limit left
     """
 
     problem: Index
     sides: Index
     boxes: Index
     stopped: Flags
+    waiting: Boxes | None = None
 
 
 class Segments(NamedTuple):
@@ -284,7 +287,42 @@ class PolygonProblems:
         sides = (v[..., :-1], np.diff(v), self.Y[..., :-1], np.diff(self.Y))
         self._sides = [np.ascontiguousarray(column).reshape(-1) for column in sides]
         first_side = np.arange(len(kinds) * self.m) * (vertex_count - 1)
-        self._first_side = first_side.reshape(len(kinds), self.m)
+        self.first_side = first_side.reshape(len(kinds), self.m)
+
+    def single(self, row: int) -> PolygonProblems:
+        """Return one of the problems."""
+        one = copy(self)
+        one.load = self.load[row : row + 1]
+        one.kind = np.zeros(1, dtype=np.intp)
+        if len(self.points) > 1:
+            kind = self.kind[[row]]
+            one.points = self.points[kind]
+            one.side_counts = self.side_counts[kind]
+            one.Y = self.Y[kind]
+            one.first_side = self.first_side[kind]
+        return one
+
+    def with_matrix(self, A: Array, size: Array) -> PolygonProblems:
+        """Return problems with another matrix, and magnitudes that it is made of, for strips."""
+        others = copy(self)
+        others.A = A
+        others.size_of_A = size
+        others.diagonal = np.diagonal(A).copy()
+        return others
+
+    def with_points(self, points: Array, side_counts: Index) -> PolygonProblems:
+        """Return one problem with other polygons, for the parts of these."""
+        others = copy(self)
+        others.points = points
+        others.side_counts = side_counts[None]
+        return others
+
+    def whole(self) -> Boxes:
+        """Return the boxes of all places, one of each problem."""
+        count = len(self.load)
+        side_counts = self.rows_of(self.side_counts, np.arange(count))
+        high = np.broadcast_to(side_counts, (count, self.m)).astype(float)
+        return Boxes(np.arange(count), np.zeros(high.shape), high)
 
     def rounding(self, v: Array, zeta: Array, load: Array) -> Array:
         """Return what rounding may do to the balance of a node (…, m) [N/m].
@@ -309,7 +347,7 @@ class PolygonProblems:
         inner = start + share * (end - start)
         return np.where(share <= 0.0, start, np.where(share >= 1.0, end, inner))
 
-    def row_steps(self, box: Boxes) -> Boxes:
+    def row_steps(self, box: Boxes, turns: int = MAX_TURNS) -> Boxes:
         """Return boxes after row steps until they pay no more, and one over all sides.
 
         The bounds of a step move only along the side they are on.
@@ -318,10 +356,10 @@ class PolygonProblems:
         load_low = self.load[box.problem] - margin
         load_high = self.load[box.problem] + margin
         a, b = box.low.copy(), box.high.copy()
-        first_side = self.rows_of(self._first_side, box.problem)
+        first_side = self.rows_of(self.first_side, box.problem)
         last_side = self.rows_of(self.side_counts, box.problem) - 1
         active = np.arange(len(a))
-        for _ in range(_MAX_TURNS):
+        for _ in range(turns):
             new_a, new_b = a[active], b[active]
             low = load_low[active]
             high = load_high[active]
@@ -349,7 +387,7 @@ class PolygonProblems:
         low = load_low - v_low @ self.minus - v_high @ self.plus
         high = load_high - v_high @ self.minus - v_low @ self.plus
         condition = Condition(self.rows_of(self.Y, box.problem), low, high)
-        return self._clipped(box, [condition])
+        return self.clipped(box, [condition])
 
     def _row_step(
         self,
@@ -388,7 +426,7 @@ class PolygonProblems:
         new_b = np.where(is_above, end_b, b)
         return np.maximum(new_a, a), np.minimum(new_b, b)
 
-    def _clipped(self, box: Boxes, conditions: list[Condition]) -> Boxes:
+    def clipped(self, box: Boxes, conditions: list[Condition]) -> Boxes:
         """Return the hull of the parts of the polygons in the boxes that meet the conditions."""
         side_counts = self.rows_of(self.side_counts, box.problem)
         first = np.full(box.low.shape, np.inf)
@@ -506,7 +544,7 @@ class PolygonProblems:
             low = np.where(is_known, centre - reach, -np.inf)
             high = np.where(is_known, centre + reach, np.inf)
             conditions.append(Condition(points[..., axis], low, high))
-        return self._clipped(box, conditions)
+        return self.clipped(box, conditions)
 
     def _bends(self, strip: Strips, Y: Array) -> tuple[Index, Array, Array]:
         """Return nodes that bend (n, B), and YK and radius of these and of s (n, …, B + 1).
@@ -548,20 +586,26 @@ class PolygonProblems:
             box = box.take(alive & ~is_done)
         return joined([*done, box])
 
-    def search(self, limits: Limits) -> Cells:
+    def search(self, limits: Limits, earlier: Cells | None = None) -> Cells:
         """Return all cells that may hold a solution, problem by problem within limits.
 
         The search goes depth first, so that few boxes wait.
+
+        earlier: search to go on with where limits had stopped it; boxes count from its beginning,
+                 seconds anew
         """
         count = len(self.load)
         batch = max(1, min(512, _MAX_ENTRIES // self.m**2))
         boxes = np.zeros(count, dtype=np.intp)
         seconds = np.zeros(count)
         stopped = np.zeros(count, dtype=bool)
-        side_counts = self.rows_of(self.side_counts, np.arange(count))
-        full = np.broadcast_to(side_counts, (count, self.m)).astype(float)
-        waiting = Boxes(np.arange(count), np.zeros(full.shape), full)
+        waiting = self.whole()
         cells = list[Index]()
+        if earlier is not None and earlier.waiting is not None:
+            waiting = earlier.waiting
+            boxes = earlier.boxes - np.bincount(waiting.problem, minlength=count)
+            cells.append(np.column_stack([earlier.problem, earlier.sides]))
+        left = [waiting.take(slice(0))]
         while len(waiting.low):
             began = time.perf_counter()
             first = max(0, len(waiting.low) - batch)
@@ -571,7 +615,9 @@ class PolygonProblems:
             has_too_many = boxes[box.problem] > limits.boxes
             is_too_slow = seconds[box.problem] > limits.seconds
             stopped[box.problem] |= has_too_many | is_too_slow
-            box = box.take(~stopped[box.problem])
+            is_left = stopped[box.problem]
+            left.append(box.take(is_left))
+            box = box.take(~is_left)
             problems_of_batch = box.problem
             box = self.reduced(box)
             strip = self.strips(box)
@@ -582,7 +628,7 @@ class PolygonProblems:
             duration = time.perf_counter() - began
             np.add.at(seconds, problems_of_batch, duration / max(1, len(problems_of_batch)))
         distinct = np.unique(np.concatenate(cells), axis=0)
-        return Cells(distinct[:, 0], distinct[:, 1:], boxes, stopped)
+        return Cells(distinct[:, 0], distinct[:, 1:], boxes, stopped, joined(left))
 
     def _cells(self, box: Boxes) -> Index:
         """Return (n, 1 + m) the problem and the sides of boxes on one side each."""

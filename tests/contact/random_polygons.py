@@ -19,19 +19,19 @@ NEAR = 1e-9
 """Shares of a piece, or of a jump, within which a solution counts as on its end."""
 
 
-def random_law(rng: np.random.Generator) -> Laws:
-    """An odd law of up to three pieces, falling and rising, with jumps both ways."""
+def random_law(rng: np.random.Generator, has_jumps: bool = True) -> Laws:
+    """An odd law of up to three pieces, falling and rising, with jumps both ways, or at 0 alone."""
     s, b = 0.0, float(rng.uniform(0.2, 1.0))
     points = [(s, b)]
     for _ in range(rng.integers(1, 4)):
-        if rng.random() < 0.4 and s > 0.0:
+        if has_jumps and rng.random() < 0.4 and s > 0.0:
             points.append((s, float(rng.uniform(0.05, 1.0))))
         s, b = s + float(rng.uniform(0.05, 0.6)), float(rng.uniform(0.05, 1.0))
         points.append((s, b))
     return law(points=points)
 
 
-def random_problem(seed: int, m: int) -> tuple[ContactProblem, Array]:
+def random_problem(seed: int, m: int, has_jumps: bool = True) -> tuple[ContactProblem, Array]:
     """(problem, load per s): M-matrices for odd seeds, any positive definite matrix for even
     ones."""
     rng = np.random.default_rng([seed, m])
@@ -39,7 +39,7 @@ def random_problem(seed: int, m: int) -> tuple[ContactProblem, Array]:
     A = B @ B.T + rng.uniform(0.05, 1.0) * np.eye(m)
     if seed % 2:
         A = np.diag(np.abs(A).sum(1)) * rng.uniform(1.0, 1.3) - np.abs(A) + 0.1 * np.eye(m)
-    laws = nodal([random_law(rng) for _ in range(m)], np.arange(m))
+    laws = nodal([random_law(rng, has_jumps) for _ in range(m)], np.arange(m))
     c, load, per_s = rng.uniform(0.3, 2.0, m), rng.normal(0.0, 1.5, m), rng.normal(0.0, 2.5, m)
     return ContactProblem(A, load, c, laws), per_s
 

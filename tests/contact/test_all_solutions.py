@@ -9,6 +9,7 @@ from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.boxes import Limits, PolygonProblems
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.soft_modes import ModeSearch
 from tests.contact.contact_cases import half_laplacian
 from tests.contact.random_polygons import NEAR, by_brute_force, random_problem
 
@@ -58,28 +59,39 @@ def test_a_limit_ends_in_a_list_that_claims_nothing(limits: Limits, reason: str)
     assert reason in found.reason
 
 
-def test_a_solution_on_a_kink_is_undecided_and_never_counted() -> None:
-    """A load that puts a node on a bend of its law: said, and decided by a load a little
-    smaller."""
+def test_a_solution_on_a_kink_is_decided_where_the_inertia_is_the_same_beside_it() -> None:
+    """v₁ + b(v₁) = 3 at the kink v₁ = 1: 1 + b′ is 2 and ½ beside it."""
     kink = tcstudy.law(points=[(0, 1), (1, 2), (2, 1.5)])
     A, c = np.diag([1.0, 1.0]), np.ones(2)
-    on = all_solutions(
-        ContactProblem(A, np.array([3.0, 0.2]), c, kink)
-    )  # v₁ + b(v₁) = 3 at the kink v₁ = 1
-    assert not on.complete
-    assert len(on.undecided) == 2
-    assert "within rounding" in on.reason
+    on = all_solutions(ContactProblem(A, np.array([3.0, 0.2]), c, kink))
+    assert on.complete, on.reason
+    np.testing.assert_allclose(on.v, [[1.0, 0.0]], atol=1e-15)
+    assert on.stable.all()
     beside = all_solutions(ContactProblem(A, np.array([3.0 * (1 - 1e-9), 0.2]), c, kink))
-    assert beside.complete
-    falls = tcstudy.law(
-        points=[(0, 2), (1, 1), (2, 1)]
-    )  # by as much as the body is stiff: a continuum of solutions
-    assert not all_solutions(ContactProblem(A[:1, :1], np.array([2.0]), c[:1], falls)).complete
+    assert (len(beside), beside.complete) == (1, True)
+
+
+def test_a_fold_on_a_kink_and_a_singular_piece_are_undecided_and_never_counted() -> None:
+    """For loads as near as one likes the fold is no solution or two."""
+    peak = tcstudy.law(points=[(0, 0), (1, 3), (2, 1), (3, 4)])
+    A, c = np.eye(1), np.ones(1)
+    counts = [len(all_solutions(ContactProblem(A, np.array([x]), c, peak))) for x in (3.9, 4.1)]
+    assert counts == [3, 1]
+    at_fold = all_solutions(ContactProblem(A, np.array([4.0]), c, peak))
+    assert not at_fold.complete
+    assert len(at_fold) == 1
+    assert len(at_fold.undecided) == 1
+    assert "1 point of the law's graphs is undecided" in at_fold.reason
+    assert "within rounding" in at_fold.reason
+    # falls by as much as the body is stiff: a continuum of solutions
+    falls = tcstudy.law(points=[(0, 2), (1, 1), (2, 1)])
+    assert not all_solutions(ContactProblem(A, np.array([2.0]), c, falls)).complete
 
 
 def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
     """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there
-    would be empty."""
+    would be empty. Where the corner is decided the solution is listed."""
+    decided = 0
     for seed in range(12):
         problem, _ = random_problem(seed, 3)
         rng, laws = np.random.default_rng(seed), [problem.law.single(i) for i in range(3)]
@@ -95,13 +107,62 @@ def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
             problem.A_tilde, problem.A_tilde @ v + problem.c * zeta, problem.c, problem.law
         )
         found = all_solutions(corner)
-        assert not found.complete
+        at = np.concatenate([v, problem.c * zeta])
+        listed = np.abs(np.hstack([found.v, found.xi]) - at).max(axis=1) < 1e-9
+        assert np.count_nonzero(listed) <= 1
+        if found.complete:
+            assert listed.any(), seed
+            decided += 1
+            continue
         graph = PolygonProblems(
             corner.A_tilde, corner.c, corner.law, corner.l_tilde[None], corner.lambda_1
         )
         ends = graph.points[0, np.arange(3)[:, None], found.undecided[..., None] + np.arange(2)]
-        at = np.array([v, zeta]).T[:, None]
-        assert np.any((np.abs(ends - at) < 1e-12).all(-1).any(-1).all(-1)), seed
+        point = np.array([v, zeta]).T[:, None]
+        is_end = np.any((np.abs(ends - point) < 1e-12).all(-1).any(-1).all(-1))
+        assert listed.any() or is_end, seed
+    assert 0 < decided < 12
+
+
+@pytest.mark.parametrize("has_jumps", [False, True])
+def test_the_search_by_modes_has_the_solutions_that_brute_force_finds(
+    has_jumps: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every problem of several boxes goes to it; none of the cells of the first search is taken."""
+    monkeypatch.setattr("tcstudy.contact.all_solutions.FIRST_BOXES", 1)
+    counts = []
+    for seed in range(15):
+        problem, _ = random_problem(seed, 3, has_jumps)
+        v, _, nearest = by_brute_force(problem)
+        assert nearest > NEAR
+        found = all_solutions(problem)
+        assert found.complete, found.reason
+        np.testing.assert_allclose(sorted_rows(found.v), sorted_rows(v), atol=1e-8)
+        assert len(np.unique(found.sides, axis=0)) == len(found)
+        assert found.stable.tolist() == [certify(problem, x).strict_minimum for x in found.v]
+        counts.append(len(found))
+    assert max(counts) >= 3
+
+
+@pytest.mark.parametrize("m", [40, 160])
+def test_boxes_do_not_grow_with_the_mesh(m: int) -> None:
+    """A bar on a softening film, held at one end and pulled at the other, with two soft modes."""
+    A = (2.0 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)) * m
+    A[-1, -1] = m
+    c = np.full(m, 1.0 / m)
+    c[-1] = 0.5 / m
+    load = np.zeros(m)
+    load[-1] = 0.3
+    law = tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.1, delta=0.018)
+    problem = ContactProblem(A, load, c, law)
+    polygons = PolygonProblems(A, c, problem.law, load[None], problem.lambda_1)
+    search = ModeSearch(polygons.single(0))
+    answer = search.search(Limits(boxes=20))
+    assert search.N.shape == (m, 2)
+    assert (answer.stopped, answer.undecided) == (False, [])
+    (solution,) = answer.solutions
+    assert solution.stable
+    assert problem.inclusion_residual(solution.v) < 1e-10
 
 
 def test_the_door_refuses_limits_that_leave_nothing_to_do() -> None:
