@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.boxes import Cells, Limits, PolygonProblems, reach_of
 from tcstudy.contact.certificates import strict_minimum
-from tcstudy.contact.curves import Found, Part, Parts, ties
+from tcstudy.contact.curves import Found, GraphPart, Parts, ties
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.soft_modes import ModeAnswer, ModeSearch
 from tcstudy.laws.composed import piecewise_linear
@@ -200,7 +200,7 @@ def _settled(
     sides: Index,
     undecided_cells: Index,
     by_modes: ModeAnswer | None,
-) -> tuple[list[Found], list[Part]]:
+) -> tuple[list[Found], list[GraphPart]]:
     """Return the solutions of a problem beside those of cells, and the parts left undecided.
 
     sides:           (n, m) cells of known solutions
@@ -209,7 +209,7 @@ def _settled(
     if by_modes is not None and not by_modes.stopped:
         return by_modes.solutions, by_modes.undecided
     known = [] if by_modes is None else by_modes.solutions
-    undecided = list[Part]()
+    undecided = list[GraphPart]()
     if len(undecided_cells):
         parts = Parts(problems.single(row))
         known, undecided = ties(parts, undecided_cells, known)

@@ -62,7 +62,7 @@ _MAX_GROWTHS = 3
 """How often the sides that a solution may touch are gathered again."""
 
 
-class Part(NamedTuple):
+class GraphPart(NamedTuple):
     """Sides first to last (m,) of the polygons, whose ends go on without end."""
 
     first: Index
@@ -72,22 +72,22 @@ class Part(NamedTuple):
         """Return whether a cell (m,) is in the part."""
         return bool(np.all((self.first <= sides) & (sides <= self.last)))
 
-    def holds(self, other: Part) -> bool:
+    def holds(self, other: GraphPart) -> bool:
         """Return whether another part is in this one."""
         return self.has(other.first) and self.has(other.last)
 
-    def meets(self, other: Part) -> bool:
+    def meets(self, other: GraphPart) -> bool:
         """Return whether two parts share sides of every node; an empty one shares none."""
         first = np.maximum(self.first, other.first)
         last = np.minimum(self.last, other.last)
         return bool(np.all(first <= last))
 
-    def joined(self, other: Part) -> Part:
+    def joined(self, other: GraphPart) -> GraphPart:
         """Return the least part with both."""
-        return Part(np.minimum(self.first, other.first), np.maximum(self.last, other.last))
+        return GraphPart(np.minimum(self.first, other.first), np.maximum(self.last, other.last))
 
 
-class Slopes(NamedTuple):
+class SlopeRange(NamedTuple):
     """Least and greatest slopes of n parts, and which nodes are pinned, all (n, m)."""
 
     low: Array
@@ -111,24 +111,24 @@ class Found(NamedTuple):
     stable: whether it is a strict minimum
     """
 
-    part: Part
+    part: GraphPart
     sides: Index
     v: Array
     error: Array
     stable: bool
 
 
-class Verdict(NamedTuple):
+class Decision(NamedTuple):
     """The solutions in a part, and the parts that are undecided."""
 
     solutions: list[Found]
-    undecided: list[Part]
+    undecided: list[GraphPart]
 
 
-NONE = Verdict([], [])
+NONE = Decision([], [])
 
 
-class Curve(NamedTuple):
+class SolutionCurve(NamedTuple):
     """Vertices of a curve: β (T,), v and ζ (T, m), and the sides between them (T − 1, m)."""
 
     beta: Array
@@ -184,15 +184,15 @@ class Parts:
         shortest = np.where(self._is_inner & (self.run > 0.0), self.run, np.inf).min(axis=1)
         self.max_error = _MAX_CURVE_ERROR * float(np.min(shortest * self.root_c))
 
-    def part_of(self, low: Array, high: Array) -> Part:
+    def part_of(self, low: Array, high: Array) -> GraphPart:
         """Return the sides in boxes from places low to high (…, m)."""
         slack = 0.5 * self.problems.slack
         final = self.side_counts - 1
         first = np.minimum(np.floor(low + slack).astype(np.intp), final)
         last = np.clip(np.ceil(high - slack).astype(np.intp) - 1, first, final)
-        return Part(first, last)
+        return GraphPart(first, last)
 
-    def slopes(self, part: Part) -> Slopes:
+    def slopes(self, part: GraphPart) -> SlopeRange:
         """Return the slopes of n parts, first and last (n, m)."""
         low = np.full(part.first.shape, np.inf)
         high = np.full(part.first.shape, -np.inf)
@@ -201,7 +201,7 @@ class Parts:
             slope = self.slope[:, side]
             low = np.where(is_inside, np.minimum(low, slope), low)
             high = np.where(is_inside, np.maximum(high, slope), high)
-        return Slopes(low, high, np.isposinf(low) | np.isneginf(high))
+        return SlopeRange(low, high, np.isposinf(low) | np.isneginf(high))
 
     def _hessians(self, q: Array, pinned: Flags) -> tuple[Array, Flags, Array]:
         """Return H(q) (n, m, m), the nodes that are left (n, m), and norms (n,).
@@ -215,7 +215,7 @@ class Parts:
         H[:, self.node, self.node] += np.where(is_free, finite, 2.0 * norm[:, None])
         return H, is_free, norm
 
-    def inertia(self, slopes: Slopes, soft: SoftDirection | None = None) -> Inertia:
+    def inertia(self, slopes: SlopeRange, soft: SoftDirection | None = None) -> Inertia:
         """Return g and ν of n parts, for A + σNNᵀ with a soft direction."""
         eigenvalues = []
         margins = []
@@ -239,7 +239,7 @@ class Parts:
         lost = count - np.count_nonzero(of_high < 0.0, axis=-1)
         return Inertia(np.minimum(above, below), count, lost)
 
-    def soft_direction(self, slopes: Slopes) -> SoftDirection | None:
+    def soft_direction(self, slopes: SlopeRange) -> SoftDirection | None:
         """Return what makes one curve of the solutions of one part, None if nothing does.
 
         slopes: of one part (1, m), whose inertia changes by one
@@ -263,22 +263,22 @@ class Parts:
 
     # -- at most one solution ----------------------------------------------------------------------
 
-    def decide(self, part: Part, gap: float) -> Verdict:
+    def decide(self, part: GraphPart, gap: float) -> Decision:
         """Return the solution of a part with at most one, g > 0; none, or the part that is not
         decided."""
         point = self._solution(part, gap)
         if point is None:
-            return Verdict([], [part])
+            return Decision([], [part])
         touched = self._touched(point)
         if not touched.meets(part):
             return NONE
         for _ in range(_MAX_GROWTHS):
-            slopes = self.slopes(Part(touched.first[None], touched.last[None]))
+            slopes = self.slopes(GraphPart(touched.first[None], touched.last[None]))
             inertia = self.inertia(slopes)
             own_gap = float(inertia.gap[0])
             own = self._solution(touched, own_gap) if own_gap > 0.0 else None
             if own is None:
-                return Verdict([], [touched])
+                return Decision([], [touched])
             again = self._touched(own)
             if not again.meets(touched):
                 return NONE
@@ -288,11 +288,11 @@ class Parts:
                     break
                 is_on_down_jump = bool(np.any(np.isneginf(slopes.high)))
                 stable = bool(inertia.negative[0] == 0) and not is_on_down_jump
-                return Verdict([Found(touched, own.sides, own.v, own.error_v, stable)], [])
+                return Decision([Found(touched, own.sides, own.v, own.error_v, stable)], [])
             touched = larger
-        return Verdict([], [touched])
+        return Decision([], [touched])
 
-    def _solution(self, part: Part, gap: float) -> _Point | None:
+    def _solution(self, part: GraphPart, gap: float) -> _Point | None:
         """Return a point of the graph near the solution of an extended part."""
         sides = self._newton(part)
         if sides is None:
@@ -322,7 +322,7 @@ class Parts:
         error_zeta += 8.0 * EPS * np.abs(point.zeta)
         return point._replace(error_v=error_v, error_zeta=error_zeta)
 
-    def _newton(self, part: Part) -> Index | None:
+    def _newton(self, part: GraphPart) -> Index | None:
         """Return the cell of an extended part in which steps of Newton's method end."""
         sides = (part.first + part.last) // 2
         for _ in range(_MAX_STEPS):
@@ -347,7 +347,7 @@ class Parts:
             return None
         return tau if np.isfinite(tau).all() else None
 
-    def _touched(self, point: _Point) -> Part:
+    def _touched(self, point: _Point) -> GraphPart:
         """Return the sides that the solution may be on."""
         return self._met(
             point.v - point.error_v,
@@ -356,7 +356,7 @@ class Parts:
             point.zeta + point.error_zeta,
         )
 
-    def _met(self, v_low: Array, v_high: Array, zeta_low: Array, zeta_high: Array) -> Part:
+    def _met(self, v_low: Array, v_high: Array, zeta_low: Array, zeta_high: Array) -> GraphPart:
         """Return the first and last sides that meet rectangles (m,), empty if none does."""
         v, zeta = self.points[..., 0], self.points[..., 1]
         side = np.arange(self.run.shape[1])
@@ -376,9 +376,9 @@ class Parts:
         meets &= np.abs(to_v * self.rise - to_zeta * self.run) <= reach
         first = np.where(meets, side, len(side)).min(axis=1)
         last = np.where(meets, side, -1).max(axis=1)
-        return Part(first, last)
+        return GraphPart(first, last)
 
-    def _is_inside(self, point: _Point, part: Part) -> bool:
+    def _is_inside(self, point: _Point, part: GraphPart) -> bool:
         """Return whether the solution of an extended part is not on what goes on beyond its ends.
 
         The ends of a polygon are as far as no solution is.
@@ -398,7 +398,7 @@ class Parts:
 
     # -- one curve ---------------------------------------------------------------------------------
 
-    def on_curve(self, part: Part, ends: Array, soft: SoftDirection) -> Verdict | None:
+    def on_curve(self, part: GraphPart, ends: Array, soft: SoftDirection) -> Decision | None:
         """Return the solutions of a part on its curve, None where its errors are too large.
 
         ends: (2, m) least and greatest v of the box
@@ -428,33 +428,38 @@ class Parts:
         error_G = sigma * error * float(np.linalg.norm(N / self.root_c))
         error_G += 4.0 * (self.m + 8) * EPS * pull
         solutions = list[Found]()
-        undecided = list[Part]()
+        undecided = list[GraphPart]()
         for low_v, high_v, low_zeta, high_zeta in _crossings(curve, G, error_G):
             if np.any(high_v < ends[0] - error_v) or np.any(low_v > ends[1] + error_v):
                 continue
             touched = self._met(
                 low_v - error_v, high_v + error_v, low_zeta - error_zeta, high_zeta + error_zeta
             )
-            touched = Part(
+            touched = GraphPart(
                 np.maximum(touched.first, part.first), np.minimum(touched.last, part.last)
             )
             if np.any(touched.first > touched.last):
                 continue
-            slopes = self.slopes(Part(touched.first[None], touched.last[None]))
+            slopes = self.slopes(GraphPart(touched.first[None], touched.last[None]))
             gap = float(self.inertia(slopes).gap[0])
             if gap > 0.0:
-                verdict = self.decide(touched, gap)
-                solutions += verdict.solutions
-                undecided += verdict.undecided
+                decision = self.decide(touched, gap)
+                solutions += decision.solutions
+                undecided += decision.undecided
             elif np.all(touched.last - touched.first <= 1):
                 undecided.append(touched)
             else:
                 return None
-        return Verdict(solutions, undecided)
+        return Decision(solutions, undecided)
 
     def walk(
-        self, A: Array, part: Part, N: Array, betas: tuple[float, float], load: Array | None = None
-    ) -> Curve | None:
+        self,
+        A: Array,
+        part: GraphPart,
+        N: Array,
+        betas: tuple[float, float],
+        load: Array | None = None,
+    ) -> SolutionCurve | None:
         """Return the curve of Av + Cζ = l + βN over a part, β from the first to the second value.
 
         It begins at a point of the graph, from which the load is changed to that of the problem.
@@ -531,7 +536,7 @@ class Parts:
                     tau = self._moved(Y, A, sides, now, tau, turning)
                 if Y is None:
                     return None
-        return Curve(np.array(at), np.array(vs), np.array(zetas), np.array(cells))
+        return SolutionCurve(np.array(at), np.array(vs), np.array(zetas), np.array(cells))
 
     def _columns(self, A: Array, sides: Index) -> Array:
         size = self.length[self.node, sides]
@@ -572,7 +577,9 @@ class Parts:
         return np.asarray(fresh)
 
 
-def _crossings(curve: Curve, G: Array, error: float) -> list[tuple[Array, Array, Array, Array]]:
+def _crossings(
+    curve: SolutionCurve, G: Array, error: float
+) -> list[tuple[Array, Array, Array, Array]]:
     """Return the hulls (least, greatest v, least, greatest ζ) of intervals with |G| ≤ error."""
     begin, end = G[:-1], G[1:]
     change = end - begin
@@ -611,13 +618,13 @@ def _crossings(curve: Curve, G: Array, error: float) -> list[tuple[Array, Array,
     return hulls
 
 
-def distinct_solutions(parts: Parts, solutions: list[Found]) -> tuple[list[Found], list[Part]]:
+def distinct_solutions(parts: Parts, solutions: list[Found]) -> tuple[list[Found], list[GraphPart]]:
     """Return solutions without those that are listed before, and parts where that is not sure.
 
     Each is inside its part. One that is in two parts is on a side of each that is in both.
     """
     distinct = list[Found]()
-    doubtful = list[Part]()
+    doubtful = list[GraphPart]()
     for solution in solutions:
         is_new = True
         for known in distinct:
@@ -626,7 +633,7 @@ def distinct_solutions(parts: Parts, solutions: list[Found]) -> tuple[list[Found
             if np.any(np.abs(known.v - solution.v) > known.error + solution.error):
                 continue
             union = known.part.joined(solution.part)
-            slopes = parts.slopes(Part(union.first[None], union.last[None]))
+            slopes = parts.slopes(GraphPart(union.first[None], union.last[None]))
             is_same = known.part.holds(solution.part) or solution.part.holds(known.part)
             if not is_same and not parts.inertia(slopes).gap[0] > 0.0:
                 doubtful.append(union)
@@ -637,14 +644,14 @@ def distinct_solutions(parts: Parts, solutions: list[Found]) -> tuple[list[Found
     return distinct, doubtful
 
 
-def distinct_parts(undecided: list[Part], solutions: list[Found]) -> list[Part]:
+def distinct_parts(undecided: list[GraphPart], solutions: list[Found]) -> list[GraphPart]:
     """Return parts that may hold more than the solutions, those that meet as one."""
-    distinct = list[Part]()
+    distinct = list[GraphPart]()
     for part in undecided:
         if any(known.part.holds(part) for known in solutions):
             continue
         own = part
-        others = list[Part]()
+        others = list[GraphPart]()
         for other in distinct:
             if other.meets(own):
                 own = own.joined(other)
@@ -654,20 +661,20 @@ def distinct_parts(undecided: list[Part], solutions: list[Found]) -> list[Part]:
     return distinct
 
 
-def ties(parts: Parts, cells: Index, known: list[Found]) -> tuple[list[Found], list[Part]]:
+def ties(parts: Parts, cells: Index, known: list[Found]) -> tuple[list[Found], list[GraphPart]]:
     """Return the known solutions and those of undecided cells (n, m), and what is left undecided.
 
     A solution on kinks is on all cells beside it.
     """
     solutions = list(known)
-    undecided = list[Part]()
+    undecided = list[GraphPart]()
     for cell in cells:
         if any(solution.part.has(cell) for solution in solutions):
             continue
-        part = Part(cell, cell)
-        gap = float(parts.inertia(parts.slopes(Part(cell[None], cell[None]))).gap[0])
-        verdict = parts.decide(part, gap) if gap > 0.0 else Verdict([], [part])
-        solutions += verdict.solutions
-        undecided += verdict.undecided
+        part = GraphPart(cell, cell)
+        gap = float(parts.inertia(parts.slopes(GraphPart(cell[None], cell[None]))).gap[0])
+        decision = parts.decide(part, gap) if gap > 0.0 else Decision([], [part])
+        solutions += decision.solutions
+        undecided += decision.undecided
     distinct, doubtful = distinct_solutions(parts, solutions)
     return distinct, distinct_parts([*undecided, *doubtful], distinct)

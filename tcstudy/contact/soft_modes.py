@@ -36,11 +36,11 @@ from tcstudy.contact.boxes import (
     inverse_of,
 )
 from tcstudy.contact.curves import (
+    Decision,
     Found,
-    Part,
+    GraphPart,
     Parts,
-    Slopes,
-    Verdict,
+    SlopeRange,
     distinct_parts,
     distinct_solutions,
 )
@@ -94,7 +94,7 @@ class ModeAnswer(NamedTuple):
     """
 
     solutions: list[Found]
-    undecided: list[Part]
+    undecided: list[GraphPart]
     boxes: int
     stopped: bool
 
@@ -106,7 +106,7 @@ class ModeSearch:
         self.problems = problems
         self.parts = Parts(problems)
         self.m = problems.m
-        whole = Part(np.zeros((1, self.m), dtype=np.intp), self.parts.side_counts[None] - 1)
+        whole = GraphPart(np.zeros((1, self.m), dtype=np.intp), self.parts.side_counts[None] - 1)
         q = self.parts.slopes(whole).low[0]
         self.N = np.zeros((self.m, 0))
         self.sigma = 0.0
@@ -132,7 +132,7 @@ class ModeSearch:
         waiting = [start]
         boxes = 0
         solutions = list[Found]()
-        undecided = list[Part]()
+        undecided = list[GraphPart]()
         while waiting:
             batch = _stacked(waiting[-_BATCH:])
             del waiting[-_BATCH:]
@@ -142,15 +142,15 @@ class ModeSearch:
             batch = self._reduced(batch)
             if not len(batch.low):
                 continue
-            is_decided, verdicts = self._decided(batch)
-            for verdict in verdicts:
-                solutions += verdict.solutions
-                undecided += verdict.undecided
+            is_decided, decisions = self._decided(batch)
+            for decision in decisions:
+                solutions += decision.solutions
+                undecided += decision.undecided
             waiting += self._halves(batch.take(~is_decided), root_width)
         return self._answer(solutions, undecided, boxes, False)
 
     def _answer(
-        self, solutions: list[Found], undecided: list[Part], boxes: int, stopped: bool
+        self, solutions: list[Found], undecided: list[GraphPart], boxes: int, stopped: bool
     ) -> ModeAnswer:
         distinct, doubtful = distinct_solutions(self.parts, solutions)
         open_parts = distinct_parts([*undecided, *doubtful], distinct)
@@ -329,35 +329,35 @@ class ModeSearch:
 
     # -- ends --------------------------------------------------------------------------------------
 
-    def _decided(self, box: ModeBoxes) -> tuple[Flags, list[Verdict]]:
+    def _decided(self, box: ModeBoxes) -> tuple[Flags, list[Decision]]:
         """Return (n,) which boxes are decided, and what they hold."""
         part = self.parts.part_of(box.low, box.high)
         slopes = self.parts.slopes(part)
         gap, _, lost = self.parts.inertia(slopes)
         straight = (part.first == part.last).all(axis=-1)
         decided = np.zeros(len(gap), dtype=bool)
-        verdicts = list[Verdict]()
+        decisions = list[Decision]()
         for row in range(len(gap)):
-            own = Part(part.first[row], part.last[row])
-            verdict: Verdict | None = None
+            own = GraphPart(part.first[row], part.last[row])
+            decision: Decision | None = None
             if gap[row] > 0.0:
-                verdict = self.parts.decide(own, float(gap[row]))
-                if verdict.undecided and not straight[row]:
-                    is_small = [np.all(x.last - x.first <= 1) for x in verdict.undecided]
-                    verdict = verdict if all(is_small) else None
+                decision = self.parts.decide(own, float(gap[row]))
+                if decision.undecided and not straight[row]:
+                    is_small = [np.all(x.last - x.first <= 1) for x in decision.undecided]
+                    decision = decision if all(is_small) else None
             elif straight[row]:
-                verdict = Verdict([], [own])
+                decision = Decision([], [own])
             elif lost[row] == 1:
-                one = Slopes(slopes.low[[row]], slopes.high[[row]], slopes.pinned[[row]])
+                one = SlopeRange(slopes.low[[row]], slopes.high[[row]], slopes.pinned[[row]])
                 soft = self.parts.soft_direction(one)
                 if soft is not None:
                     places = box.take(slice(row, row + 1)).places
                     ends = [self.problems.points_at(places.problem, x)[0, :, 0] for x in places[1:]]
-                    verdict = self.parts.on_curve(own, np.stack(ends), soft)
-            if verdict is not None:
+                    decision = self.parts.on_curve(own, np.stack(ends), soft)
+            if decision is not None:
                 decided[row] = True
-                verdicts.append(verdict)
-        return decided, verdicts
+                decisions.append(decision)
+        return decided, decisions
 
     def _halves(self, box: ModeBoxes, root_width: float) -> list[ModeBoxes]:
         """Return boxes cut in the middle of their widest amplitude, or at their heaviest bend."""
@@ -402,7 +402,7 @@ class ModeSearch:
         for sign, v in ((1.0, v_low), (-1.0, v_high)):
             points, counts = self._monotone(box, sign)
             parts = Parts(problems.with_matrix(Z, problems.size_of_A).with_points(points, counts))
-            whole = Part(np.zeros(self.m, dtype=np.intp), counts - 1)
+            whole = GraphPart(np.zeros(self.m, dtype=np.intp), counts - 1)
             pull = sign * (load - problems.plus @ v) + problems.noise
             curve = parts.walk(Z, whole, np.zeros(self.m), (0.0, 0.0), pull)
             if curve is None:
