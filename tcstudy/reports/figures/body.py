@@ -1,5 +1,7 @@
-"""The panel of the body: deformed, coloured with a field, its edges drawn by their roles, named,
-hatched where held."""
+"""The panel of the body: deformed, coloured with a field, its named edges drawn by their roles.
+
+Clamped edges are hatched.
+"""
 
 from __future__ import annotations
 
@@ -34,22 +36,23 @@ Indices = NDArray[np.intp]
 
 MARGIN = 0.42
 """Room around the body for the names of its edges [inch]."""
-SHOWN = 0.06
+MAX_DRAWN_DISPLACEMENT = 0.06
 """Largest displacement drawn, as a part of the diagonal of the body."""
-FINE = 3000
+MAX_DRAWN_TRIANGLES = 3000
 """Triangles from which on their sides would only darken the picture."""
 UNIFORM = 1e-6
 """Relative spread up to which a field is drawn and named as one number."""
 
 
 @dataclass(frozen=True)
-class Drawn:
+class BodyShape:
     """A body as it is drawn: exaggerated, in scaled units, with the extent of its panel.
 
     moved, still: (n, 2) coordinates of the nodes, deformed and not, in drawn units
     axis:         scale of the drawn units
     factor:       exaggeration of the displacement
-    box:          left, right, bottom and top of the panel;  per_inch: what is one inch of it
+    box:          left, right, bottom and top of the panel [drawn units]
+    per_inch:     drawn units per inch of the panel
     rim:          (e, 2) sides of triangles at its boundary
     """
 
@@ -68,42 +71,56 @@ class Drawn:
 
 
 def exaggeration(xy: Array, u: Array) -> float:
-    """A factor 1, 2 or 5 times a power of ten that makes displacements u (…, n, 2) visible; 1 for a
-    body at rest."""
+    """Return a factor 1, 2 or 5 times a power of ten that makes displacements u (…, n, 2) visible.
+
+    It is 1 for a body at rest.
+    """
     largest = float(np.hypot(u[..., 0], u[..., 1]).max())
     if largest == 0.0:
         return 1.0
-    wanted = SHOWN * math.hypot(*np.ptp(xy, axis=0)) / largest
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return float(
-        f"{max(step for step in (1, 2, 5) if step == 1 or step * power <= wanted) * power:.1g}"
-    )
+    target = MAX_DRAWN_DISPLACEMENT * math.hypot(*np.ptp(xy, axis=0)) / largest
+    power = 10.0 ** math.floor(math.log10(target))
+    steps = [step for step in (1, 2, 5) if step == 1 or step * power <= target]
+    return float(f"{max(steps) * power:.1g}")
 
 
-def drawn(
-    body: BodyFields, length_units: str, widest: float, highest: float, factor: float | None = None
-) -> Drawn:
-    """Scale a body to its panel, at most so wide and high [inch]; factor: of displacements, None
-    for one that suits."""
+def scale_body(
+    body: BodyFields, length_units: str, max_width: float, max_height: float, factor: float | None
+) -> BodyShape:
+    """Scale a body to its panel, at most so wide and high [inch].
+
+    factor: of displacements, None for one that suits
+    """
     factor = exaggeration(body.xy, body.u) if factor is None else factor
     axis = scale("", np.ptp(body.xy, axis=0), length_units)
     still, moved = axis(body.xy), axis(body.xy + factor * body.u)
-    low, high = (end(np.concatenate([still, moved]), axis=0) for end in (np.min, np.max))
-    per_inch = float(np.max((high - low) / (np.array([widest, highest]) - 2 * MARGIN)))
+    places = np.concatenate([still, moved])
+    low, high = np.min(places, axis=0), np.max(places, axis=0)
+    room = np.array([max_width, max_height]) - 2 * MARGIN
+    per_inch = float(np.max((high - low) / room))
     low, high = low - MARGIN * per_inch, high + MARGIN * per_inch
     box = low[0], high[0], low[1], high[1]
-    return Drawn(moved, still, axis, factor, box, per_inch, boundary_edges(body.xy, body.triangles))
+    rim = boundary_edges(body.xy, body.triangles)
+    return BodyShape(moved, still, axis, factor, box, per_inch, rim)
 
 
 @dataclass(frozen=True)
 class Field:
-    """What the body is coloured with: triangles and values (n,) at their nodes of each part, and
-    what is said of it."""
+    """A field that colours the body.
+
+    parts: triangles of each part of the body, and the values (n,) at their nodes
+    note:  sentence on the source of the values, empty for computed ones
+    """
 
     name: str
     units: str
     parts: tuple[tuple[Indices, Array], ...]
-    told: str = ""
+    note: str = ""
+
+    @property
+    def symbol(self) -> str:
+        """Last word of the name: σ_x of "stress σ_x"."""
+        return self.name.rpartition(" ")[2]
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -113,202 +130,217 @@ class Field:
 
 
 def field_of(picture: Picture, name: str | None) -> Field | None:
-    """The field of a name of COMPONENTS, a displacement u_x or u_y, or else the temperature, None
-    where there is none.
+    """Return a field: one of COMPONENTS, u_x, u_y, or without a name the temperature.
 
-    Raises DrawError.
+    Returns None if the picture has no body or no temperature. Raises DrawError for a field that
+    the file does not have.
     """
     body = picture.body
     if body is None:
-        if name is not None:
-            raise DrawError(
-                "of: the run kept no fields of the body; run it again with output.fields: true"
-            )
-        return None
+        if name is None:
+            return None
+        raise DrawError(
+            "of: the run kept no fields of the body; run it again with output.fields: true"
+        )
     if name in (None, "theta"):
-        found = (body.triangles, body.theta) if body.theta is not None else None
-        return found and Field("temperature θ", body.theta_units, (found,))
+        if body.theta is None:
+            return None
+        return Field("temperature θ", body.theta_units, ((body.triangles, body.theta),))
     if name in ("u_x", "u_y"):
-        u = cleared(body.u[:, "xy".index(name[-1])], SHARE * float(np.abs(body.u).max()))
+        floor = SHARE * float(np.abs(body.u).max())
+        u = cleared(body.u[:, "xy".index(name[-1])], floor)
         return Field(name, picture.line.length_units, ((body.triangles, u),))
     if name not in COMPONENTS:
         raise DrawError(
             f"of: the body has no field {name!r}; it has theta, u_x, u_y, {', '.join(COMPONENTS)}"
         )
+    return _stress(picture, body, name)
+
+
+def _stress(picture: Picture, body: BodyFields, name: str) -> Field:
     if picture.scene is None:
         raise DrawError(
             "the study in the file cannot be read any more, so its materials are not known"
         )
-    (label, component), (sigma, error) = COMPONENTS[name], recovered(body, picture.scene.material)
+    label, component = COMPONENTS[name]
+    sigma, error = recovered(body, picture.scene.material)
     floor = stress_floor(body, picture.scene.material, sigma)
-    parts = tuple(
-        (body.triangles[body.region == k], cleared(component(sigma[k]), floor))
-        for k in np.unique(body.region)
-    )
-    told = f"stress recovered from elements, estimated error {number(100.0 * error, 2)} %"
-    return Field(label, picture.line.traction_units, parts, told)
+    parts = []
+    for region in np.unique(body.region):
+        triangles = body.triangles[body.region == region]
+        parts.append((triangles, cleared(component(sigma[region]), floor)))
+    note = f"stress recovered from elements, estimated error {number(100.0 * error, 2)} %"
+    return Field(label, picture.line.traction_units, tuple(parts), note)
 
 
-Named = Sequence[tuple[list[Array], NamedEdge]]
-"""Edges and the lines that they are drawn as."""
+EdgeLines = Sequence[tuple[list[Array], NamedEdge]]
+"""Edges with the lines that they are drawn as."""
 
 
 def draw_body(
-    sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: Field | None
-) -> Named:
-    """Fill the panel and put the colour bar of the field to its right; returns the edges that are
-    not free."""
+    sheet: Sheet, axes: Axes, picture: Picture, shape: BodyShape, field: Field | None
+) -> EdgeLines:
+    """Draw the body with the colour bar of the field, and return its edges that are not free."""
     body = picture.body
     assert body is not None
     axes.set(xlabel=f"x{shape.axis.label}", ylabel=f"y{shape.axis.label}")
     axes.set_aspect("equal", adjustable="datalim")
-    said = _fill(sheet, axes, shape, body, field)
-    axes.set_title(
-        style.math(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}"),
-        loc="left",
-    )
-    if len(body.triangles) <= FINE:
-        axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
-    dashes: dict[str, Any] = {"alpha": 0.6, "linewidth": 0.9, "linestyle": (0, (5, 3))}
-    draw_lines(axes, polylines(shape.still[shape.rim]), color=style.INK, **dashes)
-    draw_lines(axes, polylines(shape.moved[shape.rim]), color=style.INK, linewidth=1.0)
-    for k in np.unique(body.region)[1:]:
-        own = body.triangles[body.region == k]
-        draw_lines(
-            axes,
-            polylines(shape.moved[boundary_edges(body.xy, own)]),
-            color=style.INK,
-            linewidth=0.7,
-        )
-    edges = [*edge_lines(picture, shape)]
+    note = _fill(sheet, axes, shape, body, field)
+    title = f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){note}"
+    axes.set_title(style.math(title), loc="left")
+    _draw_outlines(axes, shape, body)
+    edges = list(edge_lines(picture, shape))
     for lines, edge in edges:
         draw_edge(axes, lines, ROLES[edge.role], edge.role == "clamped", shape.per_inch)
-        if edge.role == "contact":  # an arrow in the direction of the arclength
-            (at,), (along,) = evenly(max(lines, key=length_of), 1)
-            look = {
-                "arrowstyle": "-|>",
-                "color": style.BLUE,
-                "mutation_scale": 16,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            }
-            axes.annotate("", tuple(at + 0.1 * shape.per_inch * along), tuple(at), arrowprops=look)
-    for places in (_moved(shape, body, source) for source in picture.sources):
-        axes.plot(*places.T, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
+        if edge.role == "contact":
+            _draw_direction(axes, max(lines, key=length_of), shape.per_inch)
+    for source in picture.sources:
+        ring = _moved(shape, body, source)
+        axes.plot(*ring.T, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
     axes.set_xlim(*shape.box[:2], auto=True)  # at least: they grow to the shape of the panel
     axes.set_ylim(*shape.box[2:], auto=True)
     return edges
 
 
-def edge_lines(picture: Picture, shape: Drawn) -> Iterator[tuple[list[Array], NamedEdge]]:
-    """The edges of the deformed body that are not free as lines, all of one name together."""
+def _draw_outlines(axes: Axes, shape: BodyShape, body: BodyFields) -> None:
+    """Draw sides of triangles, the outline of the body before and after, and of its regions."""
+    if len(body.triangles) <= MAX_DRAWN_TRIANGLES:
+        axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
+    dashes: dict[str, Any] = {"alpha": 0.6, "linewidth": 0.9, "linestyle": (0, (5, 3))}
+    draw_lines(axes, polylines(shape.still[shape.rim]), color=style.INK, **dashes)
+    draw_lines(axes, polylines(shape.moved[shape.rim]), color=style.INK, linewidth=1.0)
+    for region in np.unique(body.region)[1:]:
+        rim = boundary_edges(body.xy, body.triangles[body.region == region])
+        draw_lines(axes, polylines(shape.moved[rim]), color=style.INK, linewidth=0.7)
+
+
+def _draw_direction(axes: Axes, line: Array, per_inch: float) -> None:
+    """Draw an arrow in the direction of the arclength in the middle of a line."""
+    (middle,), (direction,) = points_along(line, 1)
+    look = {
+        "arrowstyle": "-|>",
+        "color": style.BLUE,
+        "mutation_scale": 16,
+        "shrinkA": 0,
+        "shrinkB": 0,
+    }
+    tip = middle + 0.1 * per_inch * direction
+    axes.annotate("", tuple(tip), tuple(middle), arrowprops=look)
+
+
+def edge_lines(picture: Picture, shape: BodyShape) -> Iterator[tuple[list[Array], NamedEdge]]:
+    """Yield the lines of each edge of the deformed body that is not free, all of one name together."""
     assert picture.body is not None
-    of = nearest(picture.body.xy[shape.rim], picture.edges)
-    for edge in {edge.name: edge for edge in picture.edges if edge.role != "free"}.values():
-        own = np.isin(of, [k for k, one in enumerate(picture.edges) if one.name == edge.name])
-        if own.any():
-            yield polylines(shape.moved[shape.rim[own]]), edge
+    edge_of_side = nearest(picture.body.xy[shape.rim], picture.edges)
+    by_name = {edge.name: edge for edge in picture.edges if edge.role != "free"}
+    for edge in by_name.values():
+        indices = [k for k, other in enumerate(picture.edges) if other.name == edge.name]
+        is_side = np.isin(edge_of_side, indices)
+        if is_side.any():
+            yield polylines(shape.moved[shape.rim[is_side]]), edge
 
 
-def name_body(axes: Axes, picture: Picture, shape: Drawn, edges: Named) -> None:
-    """Names of edges, regions and heated regions, when the axes have their place."""
+def name_body(axes: Axes, picture: Picture, shape: BodyShape, edges: EdgeLines) -> None:
+    """Write names of edges, regions and heated regions, after the layout of the axes."""
     body = picture.body
     assert body is not None
     labels = Labels(axes, [shape.moved[shape.rim].mean(axis=1)])
     for lines, edge in edges:
-        line, contact = max(lines, key=length_of), edge.role == "contact"
-        words = edge.name if contact else edge_words(edge)
-        text = words if style.LETTER * len(words) <= length_of(line) / shape.per_inch else edge.name
-        look = {"color": ROLES[edge.role]["color"], "fontweight": "bold" if contact else "normal"}
-        beside_line(
-            labels, line, text, upright=bool(np.ptp(line[:, 0]) < np.ptp(line[:, 1])), **look
-        )
-    names = [name for name, _ in picture.scene.material.regions] if picture.scene else []
-    said = [
-        (name, shape.moved[body.triangles[body.region == k].ravel()])
-        for k, name in enumerate(names, 1)
-    ]
-    for text, places in [
-        *said,
-        *(("heated", _moved(shape, body, source)) for source in picture.sources),
-    ]:
+        line = max(lines, key=length_of)
+        is_contact = edge.role == "contact"
+        text = edge.name if is_contact else edge_words(edge)
+        if style.LETTER * len(text) > length_of(line) / shape.per_inch:
+            text = edge.name
+        is_upright = bool(np.ptp(line[:, 0]) < np.ptp(line[:, 1]))
+        weight = "bold" if is_contact else "normal"
+        colour = ROLES[edge.role]["color"]
+        beside_line(labels, line, text, is_upright, color=colour, fontweight=weight)
+    regions = picture.scene.material.regions if picture.scene else ()
+    places_of_texts = []
+    for index, (name, _) in enumerate(regions, 1):
+        nodes = body.triangles[body.region == index].ravel()
+        places_of_texts.append((name, shape.moved[nodes]))
+    places_of_texts += [("heated", _moved(shape, body, source)) for source in picture.sources]
+    for text, places in places_of_texts:
         if len(places):
-            labels.put(text, places.mean(axis=0)[None], [[0.0, 0.0]], loose=True)
+            labels.put(text, places.mean(axis=0)[None], [[0.0, 0.0]], optional=True)
 
 
 def beside_line(labels: Labels, line: Array, text: str, upright: bool = False, **look: Any) -> None:
-    """A label outside a line with the body on its left, or else inside."""
-    at, along = evenly(line, 20)
-    some = [10, 6, 13, 3, 16]
-    labels.put(text, at[some], outside(along[some]), APART, upright, **look)
+    """Put a label outside a line with the body on its left, or else inside."""
+    points, directions = points_along(line, 20)
+    tried = [10, 6, 13, 3, 16]
+    labels.put(text, points[tried], outside(directions[tried]), LABEL_DISTANCES, upright, **look)
 
 
-def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field | None) -> str:
-    """Colour the body in bands between round values, with a bar; or evenly, and return what there
-    is to say."""
+def _fill(sheet: Sheet, axes: Axes, shape: BodyShape, body: BodyFields, field: Field | None) -> str:
+    """Colour the body and return the end of its title.
+
+    A uniform field is one colour and its value; any other is drawn in bands with a colour bar.
+    """
+    if field is None:
+        _fill_evenly(axes, shape, body, FILLS if body.region.any() else (style.SHADE,))
+        return ""
+    low, high = field.ends
+    if high - low <= UNIFORM * max(abs(low), abs(high)):
+        _fill_evenly(axes, shape, body, (style.EVEN,))
+        value = f"{number(0.5 * (low + high))} {pretty(field.units)}".rstrip()
+        return f",  {field.symbol} = {value} everywhere"
+    _fill_bands(sheet, axes, shape, field)
+    return f";  {field.note}" if field.note else ""
+
+
+def _fill_evenly(axes: Axes, shape: BodyShape, body: BodyFields, colours: Sequence[str]) -> None:
+    """Fill each region with a colour of its own."""
     from matplotlib.colors import ListedColormap
+
+    axes.tripcolor(
+        *shape.moved.T,
+        body.triangles,
+        facecolors=body.region % len(colours),
+        cmap=ListedColormap(colours),
+        vmax=len(colours) - 0.5,
+    )
+
+
+def _fill_bands(sheet: Sheet, axes: Axes, shape: BodyShape, field: Field) -> None:
+    """Fill bands between round values of a field, and add their colour bar."""
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
-    x, y = shape.moved.T
-    low, high = field.ends if field else (0.0, 0.0)
-    if field is None or high - low <= UNIFORM * max(abs(low), abs(high)):
-        colours = (
-            FILLS if field is None and body.region.any() else [style.EVEN if field else style.SHADE]
-        )
-        shown = body.region % len(colours)
-        axes.tripcolor(
-            x,
-            y,
-            body.triangles,
-            facecolors=shown,
-            cmap=ListedColormap(colours),
-            vmax=len(colours) - 0.5,
-        )
-        if field is None:
-            return ""
-        symbol = field.name.rpartition(" ")[2]
-        return (
-            f",  {symbol} = {number(0.5 * (low + high))} {pretty(field.units)}".rstrip()
-            + " everywhere"
-        )
+    low, high = field.ends
     axis = scale(field.name, [low, high], field.units)
-    bands = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10]).tick_values(
-        low / axis.one, high / axis.one
-    )
-    how: dict[str, Any] = {
-        "levels": bands,
-        "cmap": style.HEAT if low >= 0.0 or not field.told else style.SIGNED,
-    }
+    locator = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10])
+    levels = locator.tick_values(low / axis.unit, high / axis.unit)
+    colours = style.HEAT if low >= 0.0 or not field.note else style.SIGNED
+    x, y = shape.moved.T
     for triangles, values in field.parts:
-        filled = axes.tricontourf(Triangulation(x, y, triangles), axis(values), **how)
-    sheet.bar(axes, filled, axis.label)
-    return f";  {field.told}" if field.told else ""
+        mesh = Triangulation(x, y, triangles)
+        bands = axes.tricontourf(mesh, axis(values), levels=levels, cmap=colours)
+    sheet.bar(axes, bands, axis.label)
 
 
 def edge_words(edge: NamedEdge) -> str:
-    return f"{edge.name}: {edge.role}" + (
-        ", traction" if edge.loaded and edge.role != "traction" else ""
-    )
+    is_loaded = edge.loaded and edge.role != "traction"
+    return f"{edge.name}: {edge.role}" + (", traction" if is_loaded else "")
 
 
-def _moved(shape: Drawn, body: BodyFields, ring: Array) -> Array:
-    """A ring (n, 2) [length units] displaced like the nodes near it, as it is drawn."""
-    fine = evenly(np.concatenate([ring, ring[:1]]), 16 * len(ring))[0]
-    near = [int(np.argmin(np.hypot(*(body.xy - place).T))) for place in fine]
-    moved = shape.axis(fine) + (shape.moved - shape.still)[near]
+def _moved(shape: BodyShape, body: BodyFields, ring: Array) -> Array:
+    """Return a ring (n, 2) [length units] displaced like the nodes near it, in drawn units."""
+    points, _ = points_along(np.concatenate([ring, ring[:1]]), 16 * len(ring))
+    near = [int(np.argmin(np.hypot(*(body.xy - point).T))) for point in points]
+    moved = shape.axis(points) + (shape.moved - shape.still)[near]
     return np.asarray(np.concatenate([moved, moved[:1]]))
 
 
 def boundary_edges(xy: Array, triangles: Indices) -> Indices:
-    """(e, 2) edges that belong to one triangle only, with the body on their left."""
+    """Return (e, 2) edges that belong to one triangle only, with the body on their left."""
     a, b, c = xy[triangles.T]
     area = np.linalg.det(np.stack([b - a, c - a], axis=-1))
     t = np.where((area < 0.0)[:, None], triangles[:, ::-1], triangles)
     edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-    _, first, count = np.unique(
-        np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
-    )
+    undirected = np.sort(edges, axis=1)
+    _, first, count = np.unique(undirected, axis=0, return_index=True, return_counts=True)
     return edges[first[count == 1]]
 
 
@@ -323,57 +355,60 @@ ROLES: dict[str, dict[str, Any]] = {
     "traction": {"color": style.SERIES[3], "linewidth": 2.4},
     "free": {"color": style.INK, "linewidth": 1.0},
 }
-"""How edges of each role are drawn."""
+"""Looks of the edges of each role."""
 FILLS = ("#f3f1ea", "#cfe3f2", "#f6dcc6", "#d3ead9", "#efd4e4", "#f5ebc0", "#d9d9d9")
-"""Of the body and of its regions."""
+"""Colours of the body and of its regions."""
 HATCH = 0.1
-"""How far apart the ticks of a held edge stand along it [inch]."""
-
-
-APART = (7.0, 14.0, 20.0, 33.0, 46.0, -7.0, -28.0)
-"""How far labels of an edge may stand outside of it, below 0 inside [pt]."""
+"""Distance of the hatches of a clamped edge along it [inch]."""
+LABEL_DISTANCES = (7.0, 14.0, 20.0, 33.0, 46.0, -7.0, -28.0)
+"""Distances of the label of an edge outside it, below 0 inside, in the order tried [pt]."""
 
 
 def length_of(line: Array) -> float:
-    """The length of a line (n, 2)."""
+    """Return the length of a line (n, 2)."""
     return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
-def outside(along: Array) -> Array:
-    """Unit normals to the right of directions (…, 2), which is outside."""
-    return np.stack([along[..., 1], -along[..., 0]], axis=-1)
+def outside(directions: Array) -> Array:
+    """Return unit normals to the right of directions (…, 2), which is outside."""
+    return np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
 
 
-def evenly(line: Array, count: int) -> tuple[Array, Array]:
-    """Places (count, 2) evenly spread along a line, the middle if it is one, and its direction
-    there."""
+def points_along(line: Array, count: int) -> tuple[Array, Array]:
+    """Return points (count, 2) spread evenly along a line, and the unit directions there.
+
+    A single point is the middle of the line.
+    """
     step = np.diff(line, axis=0)
-    upto = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
-    at = (np.arange(count) + 0.5) / count * upto[-1]
-    along = step[np.searchsorted(upto, at) - 1]
-    return np.column_stack([np.interp(at, upto, x) for x in line.T]), along / np.hypot(*along.T)[
-        :, None
-    ]
+    arclength = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+    places = (np.arange(count) + 0.5) / count * arclength[-1]
+    direction = step[np.searchsorted(arclength, places) - 1]
+    points = np.column_stack([np.interp(places, arclength, x) for x in line.T])
+    return points, direction / np.hypot(*direction.T)[:, None]
 
 
-def draw_lines(axes: Axes, lines: Sequence[Array], **how: Any) -> None:
+def draw_lines(axes: Axes, lines: Sequence[Array], **look: Any) -> None:
     """Draw lines (n, 2) as one that is broken between them."""
     gap = np.full((1, 2), np.nan)
-    axes.plot(*np.concatenate([part for line in lines for part in (line, gap)]).T, **how)
+    pieces = [piece for line in lines for piece in (line, gap)]
+    axes.plot(*np.concatenate(pieces).T, **look)
 
 
 def draw_edge(
-    axes: Axes, lines: Sequence[Array], how: dict[str, Any], held: bool, inch: float = 1.0
+    axes: Axes, lines: Sequence[Array], look: dict[str, Any], hatched: bool, inch: float = 1.0
 ) -> list[Array]:
-    """Draw an edge, hatched outside where it is held; inch: what is one of the axes. Returns ends
-    of the hatches."""
-    draw_lines(axes, lines, solid_capstyle="butt", zorder=3, **how)
-    ticks = list[Array]()
-    for line in lines if held else ():
-        starts, along = evenly(line, round(length_of(line) / (HATCH * inch)))
-        ticks += [
-            *np.stack([starts, starts + 0.7 * HATCH * inch * (outside(along) - along)], axis=1)
-        ]
-    if ticks:
-        draw_lines(axes, ticks, color=style.INK, linewidth=0.7, zorder=3)
-    return [tick[1:] for tick in ticks]
+    """Draw an edge, hatched outside on request, and return the ends of the hatches.
+
+    inch: an inch in units of the axes
+    """
+    draw_lines(axes, lines, solid_capstyle="butt", zorder=3, **look)
+    if not hatched:
+        return []
+    hatches = list[Array]()
+    for line in lines:
+        starts, directions = points_along(line, round(length_of(line) / (HATCH * inch)))
+        ends = starts + 0.7 * HATCH * inch * (outside(directions) - directions)
+        hatches += [*np.stack([starts, ends], axis=1)]
+    if hatches:
+        draw_lines(axes, hatches, color=style.INK, linewidth=0.7, zorder=3)
+    return [hatch[1:] for hatch in hatches]

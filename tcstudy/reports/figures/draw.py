@@ -157,9 +157,10 @@ def _law(
     level: int = -1,
 ) -> Drawn:
     point = read_picture(file, at, level)
-    laws = laws_of(point)
-    names = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in laws[0])
-    return law_figure(point, laws, look), f"law {names}, {point.words}"
+    operating = laws_of(point)
+    names = [f"{edge}: {law.name}" if edge else law.name for edge, law in operating.laws]
+    figure = law_figure(point, operating, look)
+    return figure, f"law {', '.join(names)}, {point.words}"
 
 
 def _profile(

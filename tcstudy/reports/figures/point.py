@@ -1,11 +1,13 @@
-"""Pictures of one point: its body with u_T, ξ = −S_T, N along the contact line below; a profile
-along any line through the body; its friction law b̂ with jumps filled in, and the operating point
-(u_T, ξ) of every contact node on it.
+"""Pictures of one point: body and contact line, a profile along any line, the friction law.
+
+The body stands above u_T, ξ = −S_T and N along the contact line. The law b̂ has its jumps filled in,
+and the operating point (u_T, ξ) of every contact node on it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from tcstudy.laws.composed import EdgeLaws, laws_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of, name_body
+from tcstudy.reports.figures.body import Field, draw_body, field_of, name_body, scale_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
 from tcstudy.reports.picture import LineFields, Picture, edge_laws
 from tcstudy.reports.text import LAMBDA_1_TOLERANCE, counted, number, pretty, with_unit
@@ -25,137 +27,182 @@ from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PANEL, BODY = 1.3, 4.4
-"""Height of a contact panel and largest height of the body [inch]."""
-BESIDE = 2.1
+PANEL_HEIGHT = 1.3
+"""Height of a contact panel [inch]."""
+MAX_BODY_HEIGHT = 4.4
+"""Largest height of the body [inch]."""
+BODY_SIDES = 2.1
 """Room left and right of the body, with the bar of the temperature [inch]."""
-FEW = 60
+MAX_DOTTED_NODES = 60
 """Contact nodes up to which each one gets a dot."""
 
 
 def point_figure(
     picture: Picture, look: style.Look, of: str | None = None, factor: float | None = None
 ) -> Figure:
-    """The figure of one point; call it within `style.styled()` for its letters.
+    """Return the figure of one point; call it within `style.styled()` for its letters.
 
     of: the field of the body (`field_of`);  factor: of its displacement, None for one that suits
     """
-    line, body, at = picture.line, picture.body, picture.at
-    width = (look.size[0] / (look.letters / style.USUAL) if look.size else style.WIDTH) - BESIDE
-    shape = drawn(body, line.length_units, width, BODY, factor) if body else None
-    field, below = field_of(picture, of), shape is not None and line.along_x is not None
-    panels = line_panels(picture, shape.axis if shape and below else None)
-    rows, heights = [[name] for name in panels], [PANEL] * len(panels)
+    line, body = picture.line, picture.body
+    width = look.size[0] / (look.letters / style.USUAL) if look.size else style.WIDTH
+    shape = None
+    if body:
+        max_width = width - BODY_SIDES
+        shape = scale_body(body, line.length_units, max_width, MAX_BODY_HEIGHT, factor)
+    field = field_of(picture, of)
+    body_axis = shape.axis if shape and line.along_x is not None else None
+    panels = line_panels(picture, body_axis)
+    rows = [[name] for name in panels]
+    heights = [PANEL_HEIGHT] * len(panels)
     if shape:
         rows, heights = [["body"], *rows], [shape.height, *heights]
-    mesh = [
-        f"level {picture.level}",
-        f"largest element edge {with_unit(float(at['h_max']), line.length_units, 3)}",
-        f"{int(at['n_dof'])} displacement DOFs",
-        f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
-    ]
-    sheet = Sheet(
-        look,
-        picture.title,
-        [style.point_words(picture.point, picture.symbols), ",  ".join(mesh)],
-        rows,
-        heights,
-    )
+    facts = [style.point_words(picture.point, picture.symbols), _mesh_words(picture)]
+    sheet = Sheet(look, picture.title, facts, rows, heights)
     sheet.draw(panels)
     sheet.share(*panels)
     for name, panel in panels.items():
-        if not any(np.any(y) for kind, _, y, _ in panel.items if kind == "line"):
-            sheet.panels[name].set_yticks(
-                [0.0]
-            )  # a scale around nothing but zero would mean nothing
-    if shape:
-        edges = draw_body(sheet, sheet.panels["body"], picture, shape, field)
+        if not any(np.any(item.y) for item in panel.items if item.kind == "line"):
+            # a scale around nothing but zero would mean nothing
+            sheet.panels[name].set_yticks([0.0])
+    if shape is None:
+        return sheet.finish()
+    axes = sheet.panels["body"]
+    edges = draw_body(sheet, axes, picture, shape, field)
     figure = sheet.finish()
-    if shape:
-        for name in (
-            panels if below and look.into is None else ()
-        ):  # axes that share x would cut off a high body
-            sheet.panels[name].set_xlim(sheet.panels["body"].get_xlim())
-        name_body(sheet.panels["body"], picture, shape, edges)
+    if body_axis is not None and look.into is None:
+        # axes that share x would cut off a high body
+        for name in panels:
+            sheet.panels[name].set_xlim(axes.get_xlim())
+    name_body(axes, picture, shape, edges)
     return figure
 
 
-def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
-    """u_T, ξ and, if it was asked for, the force of the section over the arclength.
+def _mesh_words(picture: Picture) -> str:
+    values = picture.at
+    h_max = with_unit(float(values["h_max"]), picture.line.length_units, 3)
+    facts = [
+        f"level {picture.level}",
+        f"largest element edge {h_max}",
+        f"{int(values['n_dof'])} displacement DOFs",
+        f"inclusion residual {number(float(values['inclusion_residual']), 2)}",
+    ]
+    return ",  ".join(facts)
 
-    below: the axis of the body above the panels, on which they have the x of the line
+
+@dataclass(frozen=True)
+class Abscissa:
+    """The x axis of the panels of a contact line: the arclength, or the x of a straight line."""
+
+    axis: Scale
+    start: float = 0.0
+    sign: float = 1.0
+
+    def at(self, arclength: Any) -> Any:
+        """Return what stands on the axis at arclengths [units of the file]."""
+        return self.start + self.sign * arclength
+
+
+def _abscissa(line: LineFields, body_axis: Scale | None) -> Abscissa:
+    if body_axis is not None:
+        sign, start = line.along_x or (1.0, 0.0)
+        return Abscissa(replace(body_axis, label=f"x{body_axis.label}"), start, sign)
+    place = "the contact line"
+    if len(np.unique(line.edge)) == 1 and line.edge_names:
+        place = line.edge_names[line.edge[0]]
+    length = float(line.c.sum())
+    return Abscissa(scale(f"arclength s along {place}", [length], line.length_units))
+
+
+def line_panels(picture: Picture, body_axis: Scale | None) -> dict[str, Panel]:
+    """Return panels of u_T, ξ and, on request, the force of the section over the arclength.
+
+    body_axis: x axis of the body above the panels, on which they have the x of the line
 
     ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
-    line, length = picture.line, float(picture.line.c.sum())
-    (sign, start), s = line.along_x or (1.0, 0.0), below and replace(below, label=f"x{below.label}")
-    if s is None:
-        alone = (
-            line.edge_names[line.edge[0]]
-            if len(np.unique(line.edge)) == 1 and line.edge_names
-            else "the contact line"
-        )
-        sign, start, s = 1.0, 0.0, scale(f"arclength s along {alone}", [length], line.length_units)
-    heading = f"{contact_title(picture)}; u_T > 0 with the body on the left"
-    upper = Panel(s, scale("u_T", line.u_T, line.length_units), heading)
-    lower = Panel(s, scale("ξ = −S_T", line.xi, line.traction_units))
-    panels = {"upper": upper, "lower": lower}
+    line = picture.line
+    x = _abscissa(line, body_axis)
+    title = f"{contact_title(picture)}; u_T > 0 with the body on the left"
+    slip = Panel(x.axis, scale("u_T", line.u_T, line.length_units), title)
+    traction = Panel(x.axis, scale("ξ = −S_T", line.xi, line.traction_units))
+    panels = {"upper": slip, "lower": traction}
     if line.section:
-        N, units = line.section
-        section = panels["section"] = Panel(
-            s, scale("N", N, units), "Force of the section, positive in tension"
-        )
-        section.line(start + sign * line.arclength, N, color=style.GREEN, linewidth=1.5)
-    names, dots = (
-        line.edge_names,
-        {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False},
-    )
-    for k, part in enumerate(line.parts):
-        ends, nodes = line.steps(part)
-        at = np.append(line.arclength[part], ends[-1])[
-            : len(nodes)
-        ]  # a ring ends with its first node
-        slips = picture.held[k] if len(picture.held) else (np.nan, np.nan)
-        held = np.array(
-            [one for one in zip(ends[[0, -1]], slips, strict=True) if np.isfinite(one[1])]
-        ).reshape(-1, 2)
-        x, u = np.array(
-            sorted([*held, *np.column_stack([at, line.u_T[nodes]])], key=lambda one: float(one[0]))
-        ).T
-        upper.line(start + sign * x, u, color=style.BLUE, linewidth=1.5, **dots)
-        steps = start + sign * np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2)
-        lower.line(*steps, color=style.VERMILLION, linewidth=1.5)
-        upper.line(
-            start + sign * held[:, 0],
-            held[:, 1],
-            color=style.INK,
-            marker="s",
-            markersize=5,
-            linestyle="none",
-        )
-        for end, slip in held[-1:]:
-            side = 1.0 if sign * (np.mean(at) - end) > 0.0 else -1.0
-            place = start + sign * end, slip
-            upper.note(
-                "held", place, (5 * side, 5), ha="left" if side > 0.0 else "right", fontsize=8.5
-            )
+        panels["section"] = _section_panel(line, x)
+    for index, part in enumerate(line.parts):
+        end_slips = picture.held[index] if len(picture.held) else (np.nan, np.nan)
+        _draw_part(slip, traction, line, part, x, end_slips)
+    length = float(line.c.sum())
     for panel in panels.values():
-        for one, other in stick_ranges(line):
-            panel.shade(start + sign * one, start + sign * other)
+        for first, last in stick_ranges(line):
+            panel.shade(x.at(first), x.at(last))
         panel.across(0.0, color=style.PALE, zorder=1)
-        panel.limits[0] = None if below else (0.0, length / s.one)
-    cuts = (
-        np.flatnonzero(np.diff(line.edge)) + 1
-    )  # where one contact edge ends and another begins, with their names
-    ends = start + sign * np.array(
-        [0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])), length]
-    )
-    for k, cut in enumerate([0, *cuts]) if len(cuts) else ():
-        look = {"ha": "center", "color": style.BLUE, "fontweight": "bold"}
-        lower.note(names[line.edge[cut]], (ends[k : k + 2].mean(), 0.0), (0, 2), top=True, **look)
-        for panel in panels.values() if k else ():
-            panel.up(ends[k], color=style.PALE, zorder=1)
+        panel.limits[0] = None if body_axis else (0.0, length / x.axis.unit)
+    _draw_edge_names(traction, panels.values(), line, x)
     return panels
+
+
+def _section_panel(line: LineFields, x: Abscissa) -> Panel:
+    assert line.section is not None
+    N, units = line.section
+    panel = Panel(x.axis, scale("N", N, units), "Force of the section, positive in tension")
+    panel.line(x.at(line.arclength), N, color=style.GREEN, linewidth=1.5)
+    return panel
+
+
+def _draw_part(
+    slip: Panel,
+    traction: Panel,
+    line: LineFields,
+    part: slice,
+    x: Abscissa,
+    end_slips: Sequence[float],
+) -> None:
+    """Draw u_T and ξ of a part of the line; end_slips: u_T of its constrained ends, or NaN."""
+    ends, nodes = line.steps(part)
+    # a ring ends with its first node
+    places = np.append(line.arclength[part], ends[-1])[: len(nodes)]
+    constrained = [
+        (place, value)
+        for place, value in zip(ends[[0, -1]], end_slips, strict=True)
+        if np.isfinite(value)
+    ]
+    points = [*constrained, *np.column_stack([places, line.u_T[nodes]])]
+    points.sort(key=lambda point: float(point[0]))
+    s, u = np.array(points).T
+    marker = "o" if len(line.u_T) <= MAX_DOTTED_NODES else ""
+    dots: dict[str, Any] = {"marker": marker, "markersize": 3.0, "clip_on": False}
+    slip.line(x.at(s), u, color=style.BLUE, linewidth=1.5, **dots)
+    step_ends, step_values = np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2)
+    traction.line(x.at(step_ends), step_values, color=style.VERMILLION, linewidth=1.5)
+    s, u = np.array(constrained).reshape(-1, 2).T
+    square = {"color": style.INK, "marker": "s", "markersize": 5, "linestyle": "none"}
+    slip.line(x.at(s), u, **square)
+    if constrained:
+        end, value = constrained[-1]
+        is_left = x.sign * (np.mean(places) - end) > 0.0
+        shift = 5 * (1.0 if is_left else -1.0), 5
+        align = "left" if is_left else "right"
+        slip.note("constrained", (x.at(end), value), shift, ha=align, fontsize=8.5)
+
+
+def _draw_edge_names(
+    traction: Panel, panels: Iterable[Panel], line: LineFields, x: Abscissa
+) -> None:
+    """Name the contact edges of a line of several, and mark the nodes where they meet."""
+    cuts = np.flatnonzero(np.diff(line.edge)) + 1
+    if not len(cuts):
+        return
+    middles = 0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])
+    ends = x.at(np.array([0.0, *middles, float(line.c.sum())]))
+    look = {"ha": "center", "color": style.BLUE, "fontweight": "bold"}
+    for index, node in enumerate([0, *cuts]):
+        name = line.edge_names[line.edge[node]]
+        middle = ends[index : index + 2].mean()
+        traction.note(name, (middle, 0.0), (0, 2), top=True, **look)
+        if index > 0:
+            for panel in panels:
+                panel.up(ends[index], color=style.PALE, zorder=1)
 
 
 def contact_title(picture: Picture) -> str:
@@ -177,7 +224,7 @@ def stick_text(line: LineFields) -> str:
 
 
 def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
-    """Arclengths between which the line sticks: joined segments S_i of sticking nodes."""
+    """Return arclengths between which the line sticks: joined segments S_i of sticking nodes."""
     ranges: list[tuple[float, float]] = []
     for part in line.parts:
         ends, nodes = line.steps(part)
@@ -189,11 +236,12 @@ def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
 
 # -- profiles --------------------------------------------------------------------------------------
 
-ALONG = 1001
+PROFILE_POINTS = 1001
 """Points of a line; fields are linear in a triangle."""
-HEIGHT = 2.2
+PROFILE_HEIGHT = 2.2
+"""Height of a panel [inch]."""
 GROUPS = (("u_x", "u_y"), ("theta",), ("sigma_x", "sigma_y", "tau_xy"))
-"""What is drawn unless one is named, a panel each."""
+"""Fields of each panel, unless one is named."""
 LOOKS: tuple[dict[str, Any], ...] = (
     {"color": style.BLUE},
     {"color": style.VERMILLION, "linestyle": "--"},
@@ -203,20 +251,21 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
 def ends_of(along: str | Ends) -> Array:
-    """(2, 2) both ends of a line, of numbers [m] or of a text "0 mm, 5 mm: 200 mm, 5 mm". Raises
-    UsageError."""
+    """Return (2, 2) both ends of a line, of numbers [m] or a text "0 mm, 5 mm: 200 mm, 5 mm".
+
+    Raises UsageError.
+    """
 
     def metres(text: str) -> float:
         quantity = split_quantity(text.strip())
         return to_si(*quantity, LENGTH) if quantity else float(text)
 
     try:
-        given = (
-            [map(metres, point.split(",")) for point in along.split(":")]
-            if isinstance(along, str)
-            else along
-        )
-        ends = np.array([list(point) for point in given], dtype=float)
+        if isinstance(along, str):
+            points = [[metres(text) for text in point.split(",")] for point in along.split(":")]
+        else:
+            points = [list(point) for point in along]
+        ends = np.array(points, dtype=float)
     except (TypeError, ValueError, UnitError):
         ends = np.zeros(0)
     if ends.shape != (2, 2) or not np.isfinite(ends).all() or np.array_equal(*ends):
@@ -228,68 +277,78 @@ def ends_of(along: str | Ends) -> Array:
 def profile_figure(
     picture: Picture, look: style.Look, along: str | Ends, of: str | None = None
 ) -> Figure:
-    """The figure of one point: a panel each for displacement, temperature and stresses, or one for
-    a field.
+    """Return the figure of a profile: displacement, temperature and stresses, or one field.
 
     Raises DrawError, UsageError.
     """
-    ends, units = ends_of(along), picture.line.length_units
-    share = np.linspace(0.0, 1.0, ALONG)
-    places, s = (
-        ends[0] + share[:, None] * (ends[1] - ends[0]),
-        share * float(np.hypot(*(ends[1] - ends[0]))),
-    )
+    ends = ends_of(along)
+    share = np.linspace(0.0, 1.0, PROFILE_POINTS)
+    places = ends[0] + share[:, None] * (ends[1] - ends[0])
+    distance = share * float(np.hypot(*(ends[1] - ends[0])))
     panels = dict[str, Panel]()
-    for group in ((of,),) if of is not None else GROUPS:
-        fields = [field for name in group if (field := field_of(picture, name)) is not None]
-        if not fields:
-            continue
-        curves = [_curves(picture, field, places) for field in fields]
-        values = np.concatenate([curve for parts in curves for curve in parts])
-        if not np.isfinite(values).any():
-            raise DrawError("along: no point of this line lies in the body")
-        symbols = [field.name.rpartition(" ")[2] for field in fields]
-        y = scale(", ".join(symbols), values[np.isfinite(values)], fields[0].units)
-        panel = panels[group[0]] = Panel(
-            scale("distance along the line", s, units), y, fields[0].told
-        )
-        panel.across(0.0, color=style.PALE)
-        panel.limits[0] = 0.0, float(panel.x(s[-1]))
-        for parts, symbol, look_of in zip(curves, symbols, LOOKS, strict=False):
-            for i, curve in enumerate(parts):
-                panel.line(
-                    s, curve, linewidth=1.5, **look_of, **({"label": symbol} if i == 0 else {})
-                )
-    a, b = (", ".join(number(x) for x in end) for end in ends)
+    groups = GROUPS if of is None else ((of,),)
+    for group in groups:
+        fields = [field_of(picture, name) for name in group]
+        drawn_fields = [field for field in fields if field is not None]
+        if drawn_fields:
+            panels[group[0]] = _profile_panel(picture, drawn_fields, places, distance)
+    units = picture.line.length_units
+    start, end = (", ".join(number(x) for x in point) for point in ends)
     facts = [
         style.point_words(picture.point, picture.symbols),
-        f"level {picture.level},  from ({a}) to ({b}) {pretty(units)}".rstrip(),
+        f"level {picture.level},  from ({start}) to ({end}) {pretty(units)}".rstrip(),
     ]
-    sheet = Sheet(look, picture.title, facts, [[name] for name in panels], [HEIGHT] * len(panels))
+    rows, heights = [[name] for name in panels], [PROFILE_HEIGHT] * len(panels)
+    sheet = Sheet(look, picture.title, facts, rows, heights)
     sheet.draw(panels)
     for name, panel in panels.items():
-        if sum("label" in how for *_, how in panel.items) > 1:
+        if sum("label" in item.look for item in panel.items) > 1:
             sheet.legend(name)
     sheet.share(*panels)
     return sheet.finish()
 
 
+def _profile_panel(
+    picture: Picture, fields: Sequence[Field], places: Array, distance: Array
+) -> Panel:
+    """Return fields of one unit over the distance along a line.
+
+    Raises DrawError if no place lies in the body.
+    """
+    curves_of_fields = [_curves(picture, field, places) for field in fields]
+    values = np.concatenate([curve for field_curves in curves_of_fields for curve in field_curves])
+    if not np.isfinite(values).any():
+        raise DrawError("along: no point of this line lies in the body")
+    x = scale("distance along the line", distance, picture.line.length_units)
+    title = ", ".join(field.symbol for field in fields)
+    y = scale(title, values[np.isfinite(values)], fields[0].units)
+    panel = Panel(x, y, fields[0].note)
+    panel.across(0.0, color=style.PALE)
+    panel.limits[0] = 0.0, float(panel.x(distance[-1]))
+    for field, field_curves, look in zip(fields, curves_of_fields, LOOKS, strict=False):
+        label = {"label": field.symbol}  # once for all parts of the body
+        for curve in field_curves:
+            panel.line(distance, curve, linewidth=1.5, **look, **label)
+            label = {}
+    return panel
+
+
 def _curves(picture: Picture, field: Field, places: Array) -> list[Array]:
-    """Values (n,) of a field at places, of each of its parts, NaN outside of it."""
+    """Return the values (n,) at places of each part of a field, NaN outside the part."""
     from matplotlib.tri import LinearTriInterpolator, Triangulation
 
     assert picture.body is not None
     x, y = picture.body.xy.T
-    found = list[Array]()
+    curves = list[Array]()
     for triangles, values in field.parts:
         values_at = LinearTriInterpolator(Triangulation(x, y, triangles), values)(*places.T)
-        found.append(np.ma.filled(np.ma.asarray(values_at, dtype=float), np.nan))
-    return found
+        curves.append(np.ma.filled(np.ma.asarray(values_at, dtype=float), np.nan))
+    return curves
 
 
 # -- laws ------------------------------------------------------------------------------------------
 
-SAMPLES = 100
+CURVE_SAMPLES = 100
 """Points on a curved piece; a straight one has two."""
 JUMPS: tuple[tuple[int, str, dict[str, Any]], ...] = (
     (UP, "up-jump", {"color": style.BLUE, "linewidth": 3.2, "solid_capstyle": "butt"}),
@@ -299,136 +358,180 @@ JUMPS: tuple[tuple[int, str, dict[str, Any]], ...] = (
         {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))},
     ),
 )
+"""Kinds of jumps with their labels and looks."""
 CURVE: dict[str, Any] = {"color": style.INK, "linewidth": 1.4}
 NODE: dict[str, Any] = {
     "linestyle": "none",
     "markersize": 4.5,
     "markeredgewidth": 0.4,
     "markeredgecolor": "white",
+    "clip_on": False,
+    "zorder": 4,
 }
-NODE |= {"clip_on": False, "zorder": 4}
-ROOM, BEYOND = 1.15, 4.0
-"""The panel reaches a little past the outermost node, and so many times as far if the law has more
-to show there."""
-
-Operating = tuple[list[tuple[str, Laws]], NDArray[np.intp], Array]
-"""(edge, law), one of "" where friction is the same along the line, after them those of joints;
-which of them each node has (m,); the strength of the law there (m,)."""
+SLIP_ROOM = 1.15
+"""Width of the panel relative to the outermost node."""
+MAX_SLIP_ROOM = 4.0
+"""The same, at most, where the law has more to show beyond the nodes."""
 
 
-def laws_of(point: Picture) -> Operating:
-    """The laws of a stored point; raises DrawError where the study in its file cannot be read."""
+@dataclass(frozen=True)
+class OperatingLaws:
+    """The laws of a contact line.
+
+    laws:     (edge, law) with "" for the edge where friction is the same along the line; the laws
+              of joints come last
+    index:    (m,) index of the law of every node
+    strength: (m,) strength of the law at every node
+    """
+
+    laws: Sequence[tuple[str, Laws]]
+    index: NDArray[np.intp]
+    strength: Array
+
+
+def laws_of(point: Picture) -> OperatingLaws:
+    """Return the laws of a stored point.
+
+    Raises DrawError where the study in its file cannot be read.
+    """
     if point.scene is None:
         raise DrawError(
             "the study in the file cannot be read any more, so its friction laws are not known"
         )
-    friction, line = EdgeLaws(edge_laws(point.scene.friction)), point.line
+    line = point.line
+    friction = EdgeLaws(edge_laws(point.scene.friction))
     xy = np.stack([line.x, line.y], axis=1)
     laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
-    return list(laws), index, strength
+    return OperatingLaws(list(laws), index, strength)
 
 
-def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
-    """The figure of one point."""
-    line, (laws, index, strength) = point.line, of
-    sheet, bonded = Sheet(look, point.title, _facts(point)), strength > 0.0
-    xi = np.divide(line.xi, strength, out=np.zeros_like(line.xi), where=bonded)
-    windows = [slip_window(law, line.u_T[index == k]) for k, (_, law) in enumerate(laws)]
-    low, high = min(one[0] for one in windows), max(one[1] for one in windows)
-    drawn = [pair for _, law in laws for pair in curves(law, max(abs(low), abs(high)))]
-    within = [b for s, values in drawn for b in values[(s >= low) & (s <= high)]]
-    scaled = "" if np.all(strength[bonded] == 1.0) else " / strength"
-    panel = Panel(
-        scale("slip u_T", [low, high], line.length_units),
-        scale("friction ξ = −S_T" + scaled, [*within, *xi[bonded]], line.traction_units),
+@dataclass(frozen=True)
+class NodeGroup:
+    """Contact nodes (m,) drawn with one marker, and its colour where there is one law."""
+
+    name: str
+    nodes: NDArray[np.bool_]
+    marker: str
+    colour: str
+
+
+def law_figure(point: Picture, operating: OperatingLaws, look: style.Look) -> Figure:
+    """Return the laws of one point with the operating points of its nodes."""
+    line, laws, strength = point.line, operating.laws, operating.strength
+    sheet = Sheet(look, point.title, _facts(point))
+    is_bonded = strength > 0.0
+    xi = np.divide(line.xi, strength, out=np.zeros_like(line.xi), where=is_bonded)
+    panel, window = _law_panel(line, operating, xi)
+    groups = (
+        NodeGroup("sticks", line.sticks & is_bonded, "s", style.INK),
+        NodeGroup("slips", ~line.sticks & is_bonded, "o", style.VERMILLION),
     )
-    kinds = (
-        ("sticks", line.sticks, "s", style.INK),
-        ("slips", ~line.sticks, "o", style.VERMILLION),
-    )
-    for k, (edge, law) in enumerate(laws):
-        colour = {"color": style.SERIES[k % len(style.SERIES)]} if len(laws) > 1 else {}
-        draw_law(panel, law, (low, high), f"{edge}: {law.name}" if colour else "law b(s)", **colour)
-        for _, which, mark, own in kinds:
-            here = which & bonded & (index == k)
-            panel.line(line.u_T[here], xi[here], marker=mark, **NODE | {"color": own} | colour)
-    for word, which, mark, own in kinds:
-        if count := int(np.count_nonzero(which & bonded)):
-            look_of = NODE | {"color": style.INK if len(laws) > 1 else own}
-            panel.line(
-                [],
-                [],
-                marker=mark,
-                **look_of | {"clip_on": True},
-                label=f"{word} ({counted(count, 'node')})",
-            )
+    has_one_law = len(laws) == 1
+    for index, (edge, law) in enumerate(laws):
+        colour, label = {}, "law b(s)"
+        if not has_one_law:
+            colour = {"color": style.SERIES[index % len(style.SERIES)]}
+            label = f"{edge}: {law.name}"
+        draw_law(panel, law, window, label, **colour)
+        for group in groups:
+            nodes = group.nodes & (operating.index == index)
+            dots = NODE | {"color": group.colour} | colour
+            panel.line(line.u_T[nodes], xi[nodes], marker=group.marker, **dots)
+    for group in groups:
+        count = int(np.count_nonzero(group.nodes))
+        if count:
+            dots = NODE | {"color": group.colour if has_one_law else style.INK, "clip_on": True}
+            label = f"{group.name} ({counted(count, 'node')})"
+            panel.line([], [], marker=group.marker, **dots, label=label)
     panel.draw(sheet.panels[""])
     sheet.panels[""].margins(y=0.12)
     sheet.key()
     return sheet.finish()
 
 
+def _law_panel(
+    line: LineFields, operating: OperatingLaws, xi: Array
+) -> tuple[Panel, tuple[float, float]]:
+    """Return an empty panel for the laws and ξ by strength, and the slips between its ends."""
+    windows = []
+    for index, (_, law) in enumerate(operating.laws):
+        windows.append(slip_window(law, line.u_T[operating.index == index]))
+    low, high = min(low for low, _ in windows), max(high for _, high in windows)
+    tractions = [xi[operating.strength > 0.0]]
+    for _, law in operating.laws:
+        for s, b in curves(law, max(abs(low), abs(high))):
+            tractions.append(b[(s >= low) & (s <= high)])
+    has_unit_strength = np.all(operating.strength[operating.strength > 0.0] == 1.0)
+    title = "friction ξ = −S_T" + ("" if has_unit_strength else " / strength")
+    slip = scale("slip u_T", [low, high], line.length_units)
+    return Panel(slip, scale(title, np.concatenate(tractions), line.traction_units)), (low, high)
+
+
 def _facts(point: Picture) -> list[str]:
-    steep, at = "", point.at
-    if "lambda_1" in at and np.isfinite(at["lambda_1"]):
-        units = str(at["omega"].attrs.get("units", "1"))
-        omega, lambda_1 = (with_unit(float(at[name]), units, 3) for name in ("omega", "lambda_1"))
-        steep = f"maximum softening slope ω = {omega}, stiffness λ_1 = {lambda_1}"
-        if (error := float(at["lambda_1_error"])) > LAMBDA_1_TOLERANCE:
-            steep += f" (relative error {number(error, 2)})"
-    return [
-        ",  ".join(
-            filter(None, [style.point_words(point.point, point.symbols), f"level {point.level}"])
-        ),
-        steep,
-    ]
+    values = point.at
+    words = filter(None, [style.point_words(point.point, point.symbols), f"level {point.level}"])
+    facts = [",  ".join(words), ""]
+    if "lambda_1" in values and np.isfinite(values["lambda_1"]):
+        units = str(values["omega"].attrs.get("units", "1"))
+        omega = with_unit(float(values["omega"]), units, 3)
+        lambda_1 = with_unit(float(values["lambda_1"]), units, 3)
+        facts[1] = f"maximum softening slope ω = {omega}, stiffness λ_1 = {lambda_1}"
+        error = float(values["lambda_1_error"])
+        if error > LAMBDA_1_TOLERANCE:
+            facts[1] += f" (relative error {number(error, 2)})"
+    return facts
 
 
 def slip_window(law: Laws, u_T: Array) -> tuple[float, float]:
-    """Slips between which a law is drawn: the nodes and, if it is not too far away, all that the
-    law does."""
-    largest, reach = float(np.abs(u_T).max(initial=0.0)), slip_range(law)
-    span = ROOM * max(largest, min(reach, BEYOND * largest)) or reach or 1.0
+    """Return the slips between which a law is drawn: the nodes, and all of the law if it is near."""
+    largest = float(np.abs(u_T).max(initial=0.0))
+    reach = slip_range(law)
+    span = SLIP_ROOM * max(largest, min(reach, MAX_SLIP_ROOM * largest)) or reach or 1.0
+    if largest == 0.0:
+        return -span, span
     low = -span if u_T.min(initial=0.0) < -0.01 * largest else -0.12 * span
     high = span if u_T.max(initial=0.0) > 0.01 * largest else 0.12 * span
-    return (-span, span) if largest == 0.0 else (low, high)
+    return low, high
 
 
 def draw_law(
     panel: Panel, law: Laws, window: tuple[float, float], name: str = "", **colour: str
 ) -> None:
-    """The pieces of a law as curves, each jump as the vertical interval that fills it."""
-    for i, (s, b) in enumerate(curves(law, max(abs(window[0]), abs(window[1])))):
-        panel.line(s, b, **CURVE | colour, label=name if i == 0 else "")
+    """Draw the pieces of a law as curves, each jump as the vertical interval that fills it."""
+    low, high = window
+    label = name
+    for s, b in curves(law, max(abs(low), abs(high))):
+        panel.line(s, b, **CURVE | colour, label=label)
+        label = ""
     for kind, word, look in JUMPS:
-        for k in np.flatnonzero(law.kinds == kind):
-            if window[0] <= law.kinks[k] <= window[1]:
-                label = {} if colour else {"label": word}
-                panel.line(
-                    [law.kinks[k]] * 2,
-                    [law.b_left[k], law.b_right[k]],
-                    zorder=1,
-                    **look | colour | label,
-                )
+        jump_look = look | colour if colour else look | {"label": word}
+        for kink in np.flatnonzero(law.kinds == kind):
+            slip = law.kinks[kink]
+            if low <= slip <= high:
+                ends = [law.b_left[kink], law.b_right[kink]]
+                panel.line([slip] * 2, ends, zorder=1, **jump_look)
     panel.across(0.0)
     panel.up(0.0, linewidth=0.7)
-    panel.limits[0] = float(panel.x(window[0])), float(panel.x(window[1]))
+    panel.limits[0] = float(panel.x(low)), float(panel.x(high))
 
 
 def slip_range(law: Laws, decays: float = 4.0) -> float:
-    """Largest |s| that matters to a law: past the outermost kink and some decay lengths; 0 for a
-    law without either."""
+    """Return the largest |s| that matters to a law: past its outermost kink and decay lengths.
+
+    It is 0 for a law without either.
+    """
     reach = float(np.abs(law.kinks).max(initial=0.0))
     decay = float((1.0 / law.rate[law.rate > 0.0]).max(initial=0.0))
     return max(1.4 * reach, decays * decay)
 
 
-def curves(law: Laws, reach: float, samples: int = SAMPLES) -> list[tuple[Array, Array]]:
-    """(s, b) along each piece of the law as far as it lies within −reach … reach."""
+def curves(law: Laws, reach: float, samples: int = CURVE_SAMPLES) -> list[tuple[Array, Array]]:
+    """Return (s, b) along each piece of the law as far as it lies within −reach … reach."""
     ends = np.clip(np.concatenate([[-reach], law.kinks, [reach]]), -reach, reach)
-    found = []
+    pieces = []
     for piece in range(len(law.q)):
         if ends[piece] < ends[piece + 1]:
-            s = np.linspace(ends[piece], ends[piece + 1], samples if law.bent[piece] else 2)
-            found.append((s, law.value(s, piece)))
-    return found
+            count = samples if law.bent[piece] else 2
+            s = np.linspace(ends[piece], ends[piece + 1], count)
+            pieces.append((s, law.value(s, piece)))
+    return pieces

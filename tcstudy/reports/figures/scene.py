@@ -1,15 +1,14 @@
-"""The scene of a study before any work: outline, edges with what they do, loads, materials, mesh,
-law, sweep.
+"""The scene of a study before any work: outline, roles of edges, loads, materials, mesh, law, sweep.
 
-All is placed in inches of the sheet, so that letters and arrows know what is in their way; a body
-more than SLENDER times as long as high is drawn higher than it is, and its facts say how much.
-Drawn is the first point of the sweep.
+It shows the first point of the sweep. All is placed in inches of the sheet, so that letters and
+arrows do not cover each other. A body more than SLENDER times as long as high is drawn higher than
+it is, and the facts below the heading say by which factor.
 """
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +25,11 @@ from tcstudy.reports.figures.body import (
     ROLES,
     beside_line,
     draw_edge,
-    evenly,
     length_of,
     outside,
+    points_along,
 )
-from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, scale
+from tcstudy.reports.figures.panels import AROUND, Array, Labels, Panel, Sheet, scale
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.picture import edge_laws, polylines
 from tcstudy.reports.symbols import symbol
@@ -46,18 +45,39 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, HIGHEST, LEAST, SIDE = 4.55, 3.4, 0.45, 1.35
-"""Room of the body, its least height, and the margins beside it [inch]."""
+MAX_WIDTH = 4.55
+"""Largest width of the body [inch]."""
+MAX_HEIGHT = 3.4
+"""Largest height of the body [inch]."""
+SLENDER_HEIGHT = 0.45
+"""Height of a slender body [inch]."""
+SIDE = 1.35
+"""Margins beside the body [inch]."""
 SLENDER = 12.0
-ARROW, APART = 0.34, 0.55
-"""Length of an arrow, and how far apart arrows stand along an edge [inch]."""
-LETTERS, LINE = 8.0, 0.15
-"""Size of the letters [pt] and height of a line [inch]."""
-WIDEST, LONGEST = 21, 24
-"""Letters of a line of a label, and of an expression."""
-MOST_LAWS, MOST_VALUES = 6, 5
-FAULT, ARC_PIECES = {"color": style.VERMILLION, "linewidth": 4.0}, 64
-FINE = 0.04
+"""Ratio of length to height from which on a body is drawn higher than it is."""
+ARROW = 0.34
+"""Length of an arrow [inch]."""
+ARROW_DISTANCE = 0.55
+"""Distance of arrows along an edge [inch]."""
+MAX_ARROWS = 9.0
+"""Arrows along an edge."""
+LETTERS = 8.0
+"""Size of the letters [pt]."""
+LINE = 0.15
+"""Height of a line of text [inch]."""
+LABEL_COLUMNS = 21
+"""Letters of a line of a label."""
+MAX_EXPRESSION_LETTERS = 24
+"""Letters of an expression; longer ones are shortened."""
+MAX_LAWS = 6
+"""Laws drawn; of more a selection is drawn."""
+MAX_VALUES = 5
+"""Values of a swept parameter that are written; of more the first two and the last are."""
+FAULT = {"color": style.VERMILLION, "linewidth": 4.0}
+"""Look of an edge with a fault."""
+ARC_PIECES = 64
+"""Straight pieces that an arc is drawn as."""
+MIN_DRAWN_TRIANGLE = 0.04
 """Width and height of triangles below which their sides would only darken the picture [inch]."""
 
 
@@ -66,8 +86,9 @@ class SceneShape:
     """The coarsest mesh of a scene.
 
     segments: (k, 2, 2) of every named edge, the body on their left [m]
-    points, triangles, region: the mesh, and which of `regions` each triangle is in, 0 for none
-    lambda_1: of that mesh [Pa/m], None if it is not known;  sizes: in words
+    region:   of every triangle, the number of its region in `regions` from 1 on, or 0
+    lambda_1: of the mesh [Pa/m], None if it is not known
+    sizes:    sizes of the mesh in words
     """
 
     segments: Mapping[str, Array]
@@ -79,110 +100,158 @@ class SceneShape:
     sizes: str
 
 
+EdgeLines = Mapping[str, list[Array]]
+"""Lines (n, 2) by the name of their edge."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The place of a body on the sheet.
+
+    low:    its lower left corner [m];  size: its width and height [m]
+    scales: size of x and y on the sheet [inch/m]
+    """
+
+    low: Array
+    size: Array
+    scales: Array
+
+    def inches(self, points: Array) -> Array:
+        """Return points (n, 2) on the sheet [inch]."""
+        return (points - self.low) * self.scales
+
+    @property
+    def words(self) -> str:
+        """Note on a body that is drawn higher than it is, empty for others."""
+        if self.scales[0] == self.scales[1]:
+            return ""
+        return f", drawn {number(self.scales[1] / self.scales[0], 2)} times as high as it is"
+
+
+def _placement(points: Array) -> Placement:
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    scale_x = min(MAX_WIDTH / size[0], MAX_HEIGHT / size[1])
+    scale_y = SLENDER_HEIGHT / size[1] if size[0] > SLENDER * size[1] else scale_x
+    return Placement(low, size, np.array([scale_x, scale_y]))
+
+
 def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
-    """The figure of a study."""
-    scene, si, unit = study.scenes[0], study.units == "SI", "m" if study.units == "SI" else "1"
+    """Return the figure of a study."""
+    scene, si = study.scenes[0], study.units == "SI"
     edges = {name: polylines(pieces) for name, pieces in shape.segments.items()}
-    low, size, scales = _scales(shape.points)
-    roles, told, laws = dict(scene.boundary), dict(numbers(scene)), laws_drawn(study)
-    labels = {
-        name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())]
-        for name in edges
-    }
-    above = 0.3 + LINE * max(map(len, labels.values()))
-    above += ARROW * any(role.loaded for role in roles.values())
-    body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
-    body += (
-        f", drawn {number(scales[1] / scales[0], 2)} times as high as it is"
-        if scales[0] != scales[1]
-        else ""
-    )
-    facts = [f"{body};  {shape.sizes}", *scene_facts(study, told, shape.lambda_1)]
-    sheet, axes = _sheet(look, study.title, facts, size * scales, above, bool(laws))
-    points, triangles = (shape.points - low) * scales, shape.triangles
-    _draw_mesh(axes, points, triangles, shape.region)
-    placed, taken = (
-        {name: [(line - low) * scales for line in lines] for name, lines in edges.items()},
-        list[Array](),
-    )
+    roles, values, laws = dict(scene.boundary), dict(numbers(scene)), laws_drawn(study)
+    place = _placement(shape.points)
+    labels = {}
+    for name in edges:
+        labels[name] = [name]
+        if name in roles:
+            labels[name] += role_words(name, roles[name], values, si)
+    unit = "m" if si else "1"
+    width, height = (with_unit(length, unit) for length in place.size)
+    body = f"Body {width} × {height}{place.words};  {shape.sizes}"
+    facts = [body, *scene_facts(study, values, shape.lambda_1)]
+    margin = 0.3 + LINE * max(map(len, labels.values()))
+    margin += ARROW * any(role.loaded for role in roles.values())
+    sheet, axes = _sheet(look, study.title, facts, place, margin, bool(laws))
+    points = place.inches(shape.points)
+    _draw_mesh(axes, points, shape.triangles, shape.region)
+    placed = {name: [place.inches(line) for line in lines] for name, lines in edges.items()}
+    covered = list[Array]()
     for name, lines in placed.items():
-        taken += _draw_role(axes, lines, edges[name], roles.get(name))
+        covered += _draw_role(axes, lines, edges[name], roles.get(name))
     if laws:
-        _draw_laws(sheet, laws, si, float(size[0]))
+        _draw_laws(sheet, laws, si, float(place.size[0]))
     sheet.key("scene")
-    figure, texts = sheet.finish(), _name_edges(axes, taken, placed, labels)
-    inside = [(points, words(told, ("loads",), si))]
-    for k, name in enumerate(shape.regions, 1):
-        heat = words(told, ("heat", "q"), si) if name in scene.heat.omega else []
-        own = points[triangles[shape.region == k]].reshape(-1, 2)
-        inside.append((own, [name, *words(told, ("materials", name), si), *heat]))
-    for own, said in (one for one in inside if one[1]):
-        at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
-        texts.put(_wrapped(said), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
+    figure = sheet.finish()
+    texts = _name_edges(axes, covered, placed, labels)
+    _put_inside(texts, points, words(values, ("loads",), si))
+    for index, name in enumerate(shape.regions, 1):
+        facts = [name, *words(values, ("materials", name), si)]
+        if name in scene.heat.omega:
+            facts += words(values, ("heat", "q"), si)
+        region_points = points[shape.triangles[shape.region == index]].reshape(-1, 2)
+        _put_inside(texts, region_points, facts)
     return figure
+
+
+def _put_inside(texts: Labels, points: Array, facts: Sequence[str]) -> None:
+    """Write facts in the middle of points (n, 2), or around it."""
+    if not facts:
+        return
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    places = np.tile(middle, (1 + len(AROUND), 1))
+    texts.put(_wrapped(facts), places, [(0, 0), *AROUND], (0.0, 18.0, 36.0, 72.0))
 
 
 def faulty_figure(
-    title: str, body: Body, faults: Mapping[str, str], told: Sequence[str], look: style.Look
+    title: str, body: Body, faults: Mapping[str, str], facts: Sequence[str], look: style.Look
 ) -> Figure:
-    """The outline of a study that cannot be run, with what is wrong; faults: by the name of the
-    edge."""
-    edges = [
-        (edge.name, edge_points(edge, 1 if edge.through is None else ARC_PIECES))
-        for edge in body.edges
-    ]
-    low, size, scales = _scales(np.concatenate([line for _, line in edges]))
-    placed = {
-        name: [(line - low) * scales for other, line in edges if other == name] for name, _ in edges
-    }
-    above = 0.3 + LINE * (1 + len(_wrapped([*faults.values()]).split("\n")))
-    sheet, axes = _sheet(look, title, told, size * scales, above)
+    """Return the outline of a study that cannot be run, with its faults by the name of the edge."""
+    lines_of_edges: dict[str, list[Array]] = {}
+    for edge in body.edges:
+        pieces = 1 if edge.through is None else ARC_PIECES
+        lines_of_edges.setdefault(edge.name, []).append(edge_points(edge, pieces))
+    place = _placement(_joined(lines_of_edges))
+    placed, labels = {}, {}
+    for name, lines in lines_of_edges.items():
+        placed[name] = [place.inches(line) for line in lines]
+        labels[name] = [name, faults[name]] if name in faults else [name]
+    fault_lines = _wrapped(list(faults.values())).split("\n")
+    margin = 0.3 + LINE * (1 + len(fault_lines))
+    sheet, axes = _sheet(look, title, facts, place, margin)
     for name, lines in placed.items():
-        draw_edge(axes, lines, FAULT if name in faults else ROLES["free"], False)
-    labels = {name: [name, *([faults[name]] if name in faults else [])] for name in placed}
+        draw_edge(axes, lines, FAULT if name in faults else ROLES["free"], hatched=False)
     figure = sheet.finish()
-    _name_edges(axes, [line for lines in placed.values() for line in lines], placed, labels, faults)
+    covered = [line for lines in placed.values() for line in lines]
+    _name_edges(axes, covered, placed, labels, faults)
     return figure
 
 
-def _scales(points: Array) -> tuple[Array, Array, Array]:
-    """The lower left corner of the body and its size [m], and how large its x and y are drawn
-    [inch/m]."""
-    low, size = points.min(axis=0), np.ptp(points, axis=0)
-    one = min(WIDTH / size[0], HIGHEST / size[1])
-    return low, size, np.array([one, LEAST / size[1] if size[0] > SLENDER * size[1] else one])
+def _joined(edges: EdgeLines) -> Array:
+    return np.concatenate([line for lines in edges.values() for line in lines])
 
 
 def _sheet(
-    look: style.Look, title: str, facts: Sequence[str], size: Array, above: float, law: bool = False
+    look: style.Look,
+    title: str,
+    facts: Sequence[str],
+    place: Placement,
+    margin: float,
+    has_law: bool = False,
 ) -> tuple[Sheet, Axes]:
-    rows, heights = [["scene"], ["law"]], [size[1] + 2.0 * above, 1.5]
-    sheet = Sheet(look, title, facts, rows[: 1 + law], heights[: 1 + law])
+    """Return the sheet and the axes of the body, in inches; margin: above and below the body."""
+    width, height = place.size * place.scales
+    rows, heights = [["scene"]], [height + 2.0 * margin]
+    if has_law:
+        rows.append(["law"])
+        heights.append(1.5)
+    sheet = Sheet(look, title, facts, rows, heights)
     axes = sheet.panels["scene"]
-    axes.set(xlim=(-SIDE, size[0] + SIDE), ylim=(-above, size[1] + above), aspect="equal")
+    axes.set(xlim=(-SIDE, width + SIDE), ylim=(-margin, height + margin), aspect="equal")
     axes.axis("off")
     return sheet, axes
 
 
-Of = Mapping[str, Any]
-"""By the name of an edge."""
-
-
 def _name_edges(
-    axes: Axes, taken: Sequence[Array], placed: Of, labels: Of, faults: Of | None = None
+    axes: Axes,
+    covered: Sequence[Array],
+    placed: EdgeLines,
+    labels: Mapping[str, Sequence[str]],
+    faults: Collection[str] = (),
 ) -> Labels:
-    """Write labels beside edges; returns what places more."""
-    texts = Labels(axes, taken, LETTERS)
+    """Write labels beside edges, and return the labels for more texts."""
+    texts = Labels(axes, covered, LETTERS)
     for name, lines in placed.items():
-        colour = style.VERMILLION if name in (faults or {}) else style.INK
+        colour = style.VERMILLION if name in faults else style.INK
         beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=colour)
     return texts
 
 
-def _wrapped(parts: Sequence[str]) -> str:
-    return "\n".join(
-        line for part in parts for line in textwrap.wrap(part, WIDEST, break_long_words=False)
-    )
+def _wrapped(facts: Sequence[str]) -> str:
+    lines = []
+    for fact in facts:
+        lines += textwrap.wrap(fact, LABEL_COLUMNS, break_long_words=False)
+    return "\n".join(lines)
 
 
 def _draw_mesh(
@@ -190,57 +259,71 @@ def _draw_mesh(
 ) -> None:
     from matplotlib.colors import ListedColormap
 
-    how: dict[str, Any] = {"cmap": ListedColormap(FILLS), "vmin": -0.5, "vmax": len(FILLS) - 0.5}
-    axes.tripcolor(points[:, 0], points[:, 1], triangles, facecolors=region % len(FILLS), **how)
-    if float(np.median(np.ptp(points[triangles], axis=1), axis=0).min()) > FINE:
+    count = len(FILLS)
+    look: dict[str, Any] = {"cmap": ListedColormap(FILLS), "vmin": -0.5, "vmax": count - 0.5}
+    axes.tripcolor(*points.T, triangles, facecolors=region % count, **look)
+    size = np.median(np.ptp(points[triangles], axis=1), axis=0)
+    if float(size.min()) > MIN_DRAWN_TRIANGLE:
         axes.triplot(*points.T, triangles, color=style.INK, linewidth=0.4, alpha=0.25)
 
 
-def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | None) -> list[Array]:
-    """An edge, as it is drawn and as it is [m], with arrows of what it carries or prescribes;
-    returns places of all."""
-    word, fixed = (
-        role.word if role is not None else "free",
-        type(role) is Clamped and None not in role.u,
-    )
-    taken = draw_edge(axes, lines, ROLES[word], fixed)
-    taken += [evenly(one, max(2, int(length_of(one) / 0.04)))[0] for one in lines]
+def _draw_role(
+    axes: Axes, lines: list[Array], true_lines: list[Array], role: Role | None
+) -> list[Array]:
+    """Draw an edge with arrows of its loads and displacements, and return the places it covers.
+
+    lines, true_lines: of the edge on the sheet [inch], and of the body [m]
+    """
+    word = role.word if role is not None else "free"
+    is_fixed = type(role) is Clamped and None not in role.u
+    covered = draw_edge(axes, lines, ROLES[word], is_fixed)
+    for line in lines:
+        covered.append(points_along(line, max(2, int(length_of(line) / 0.04)))[0])
     axes.plot([], [], label=word, **ROLES[word])
-    whole = sum(map(length_of, lines))
-    counts = [max(1, round(min(9.0, whole / APART) * length_of(line) / whole)) for line in lines]
-    starts, along = (np.concatenate(one) for one in zip(*map(evenly, lines, counts), strict=True))
-    points, normals = (
-        np.concatenate([evenly(*one)[0] for one in zip(true, counts, strict=True)]),
-        outside(along),
-    )
-    for force, colour in _pushes(role, points, normals, along) if role is not None else ():
-        ways, at, out, width = ARROW * force / np.hypot(*force.T).max(), starts, normals, 0.02
-        if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
-            ways, at, out, width = (
-                1.5 * ways[None],
-                np.mean(starts, axis=0)[None],
-                normals[[len(normals) // 2]],
-                0.03,
-            )
-        long = np.hypot(*ways.T)
-        across = np.sum(ways * out, axis=1) / np.maximum(long, 0.02)
-        back = np.select(
-            [across < -0.2, across > 0.2], [1.0, 0.0], 0.5
-        )  # outside: towards the body, away, beside it
-        tails = (at + (0.07 + HATCH * fixed) * out - back[:, None] * ways)[long >= 0.02]
-        ways = ways[long >= 0.02]
-        axes.quiver(
-            *tails.T,
-            *ways.T,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            units="xy",
-            width=width,
-            color=colour,
-        )
-        taken += [np.linspace(tail, tail + way, 8) for tail, way in zip(tails, ways, strict=True)]
-    return taken
+    if role is None:
+        return covered
+    length = sum(map(length_of, lines))
+    max_count = min(MAX_ARROWS, length / ARROW_DISTANCE)
+    starts, directions, points = list[Array](), list[Array](), list[Array]()
+    for line, true_line in zip(lines, true_lines, strict=True):
+        count = max(1, round(max_count * length_of(line) / length))
+        line_starts, line_directions = points_along(line, count)
+        starts.append(line_starts)
+        directions.append(line_directions)
+        points.append(points_along(true_line, count)[0])
+    along = np.concatenate(directions)
+    normals = outside(along)
+    gap = 0.07 + HATCH * is_fixed
+    for push, colour in _pushes(role, np.concatenate(points), normals, along):
+        covered += _draw_arrows(axes, push, np.concatenate(starts), normals, gap, colour)
+    return covered
+
+
+def _draw_arrows(
+    axes: Axes, push: Array, starts: Array, normals: Array, gap: float, colour: str
+) -> list[Array]:
+    """Draw arrows (k, 2), or one for a resultant (2,), and return the places they cover.
+
+    gap: distance of an arrow from its edge [inch]
+    """
+    arrows = ARROW * push / np.hypot(*push.T).max()
+    width = 0.02
+    if push.ndim == 1:
+        # the arrow of a resultant stands in the middle of its edge
+        arrows, starts = 1.5 * arrows[None], np.mean(starts, axis=0)[None]
+        normals = normals[[len(normals) // 2]]
+        width = 0.03
+    length = np.hypot(*arrows.T)
+    outward = np.sum(arrows * normals, axis=1) / np.maximum(length, 0.02)
+    # arrows towards the body end at it, arrows away from it begin there, others stand beside it
+    back = np.select([outward < -0.2, outward > 0.2], [1.0, 0.0], 0.5)
+    is_long = length >= 0.02
+    tails = (starts + gap * normals - back[:, None] * arrows)[is_long]
+    arrows = arrows[is_long]
+    look: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "xy"}
+    axes.quiver(*tails.T, *arrows.T, **look, width=width, color=colour)
+    pairs = zip(tails, arrows, strict=True)
+    return [np.linspace(tail, tail + arrow, 8) for tail, arrow in pairs]
 
 
 def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator[tuple[Array, str]]:
@@ -269,24 +352,24 @@ def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator
         yield displacement, style.BLUE
 
 
-Told = Mapping[tuple[str, ...], Number]
+Values = Mapping[tuple[str, ...], Number]
 """Numbers of a scene by their key paths."""
-ALSO_ZERO = ("nu", "theta", "theta_bar")
-"""Numbers that count where they are 0: an edge held at θ = 0 is not an insulated one."""
+WRITTEN_IF_ZERO = ("nu", "theta", "theta_bar")
+"""Numbers that count where they are 0: an edge of prescribed θ = 0 is not an insulated one."""
 
 
-def words(told: Told, path: tuple[str, ...], si: bool) -> list[str]:
+def words(values: Values, path: tuple[str, ...], si: bool) -> list[str]:
     """Return the numbers with effect under a key path, such as "g_x = 3 MPa".
 
     β is left out where it follows from α_T.
     """
     facts = []
-    for key, entry in told.items():
+    for key, entry in values.items():
         if key[: len(path)] != path or entry.idle:
             continue
-        if not (entry.value != 0.0 or key[-1] in ALSO_ZERO):
+        if not (entry.value != 0.0 or key[-1] in WRITTEN_IF_ZERO):
             continue
-        if key[-1] == "beta" and (*key[:-1], "alpha_T") in told:
+        if key[-1] == "beta" and (*key[:-1], "alpha_T") in values:
             continue
         name = " ".join(map(symbol, key[len(path) :] or key[-1:]))
         facts.append(f"{name} = {_value(entry, si)}")
@@ -295,29 +378,29 @@ def words(told: Told, path: tuple[str, ...], si: bool) -> list[str]:
 
 def _value(entry: Number, si: bool) -> str:
     if not isinstance(entry.value, int | float):
-        return shortened(str(entry.value), LONGEST)
+        return shortened(str(entry.value), MAX_EXPRESSION_LETTERS)
     return with_unit(entry.value, entry.row.dimension.cf if si else "1")
 
 
-def role_words(edge: str, role: Role, told: Told, si: bool) -> list[str]:
+def role_words(edge: str, role: Role, values: Values, si: bool) -> list[str]:
     """Return the boundary condition of an edge, with its values: "traction", "g_x = 3 MPa"."""
-    free = []
+    facts = [role.word, *words(values, ("boundary", edge), si)]
     if type(role) is Clamped and role.word != "symmetry" and any(u != 0.0 for u in role.u):
         names = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
-        free = [f"{name} free" for name, u in zip(names, role.u, strict=True) if u is None]
-    return [role.word, *words(told, ("boundary", edge), si), *free]
+        facts += [f"{name} free" for name, u in zip(names, role.u, strict=True) if u is None]
+    return facts
 
 
-def scene_facts(study: Study, told: Told, lambda_1: float | None) -> Iterator[str]:
+def scene_facts(study: Study, values: Values, lambda_1: float | None) -> Iterator[str]:
     """Yield material and heat, the laws' ω beside λ₁, and the parameters that vary."""
     scene, si = study.scenes[0], study.units == "SI"
     region = f" ({BODY})" if scene.material.regions else ""
-    material = ", ".join([f"plane {scene.material.plane}", *words(told, ("material",), si)])
+    material = ", ".join([f"plane {scene.material.plane}", *words(values, ("material",), si)])
     # with heated regions, q stands in them
-    heat_numbers = dict(told)
+    heat_values = dict(values)
     if scene.heat.omega:
-        heat_numbers.pop(("heat", "q"), None)
-    heat = ", ".join(words(heat_numbers, ("heat",), si))
+        heat_values.pop(("heat", "q"), None)
+    heat = ", ".join(words(heat_values, ("heat",), si))
     yield ";  ".join(filter(None, [f"Material{region}: {material}", heat]))
     yield _softening(study, lambda_1)
     yield varied(study)
@@ -371,7 +454,7 @@ def _axis_words(axis: Axis) -> str:
     if axis.distribution:
         return f"{name} {axis.distribution}"
     texts, unit = scaled_labels(list(axis.labels), axis_attributes(axis))
-    if len(texts) > MOST_VALUES:
+    if len(texts) > MAX_VALUES:
         texts = [*texts[:2], "…", f"{texts[-1]} ({len(texts)})"]
     return f"{name} = {', '.join(texts)} {pretty(unit)}".rstrip()
 
@@ -379,7 +462,7 @@ def _axis_words(axis: Axis) -> str:
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
     """Return the laws of a study, named by sweep, edge and parameters that differ.
 
-    Of more than MOST_LAWS laws a selection is returned; its names say how many there are.
+    Of more than MAX_LAWS laws a selection is returned; its names say how many there are.
     """
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
     of_edges = []
@@ -391,14 +474,17 @@ def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
         if axis is not None and has_labels:
             name = str(axis.labels[index])
         else:
-            alike = [other for at, other in of_edges if (at, other.name) == (edge, law.name)]
+            alike = []
+            for other_edge, other in of_edges:
+                if (other_edge, other.name) == (edge, law.name):
+                    alike.append(other)
             differences = _differences(law, alike, study.units == "SI")
             name = " ".join(filter(None, [edge, law.name, ", ".join(differences)]))
         by_name.setdefault(name, law)
     laws = [(name, law) for name, law in by_name.items() if not law.vanishes]
-    if len(laws) <= MOST_LAWS:
+    if len(laws) <= MAX_LAWS:
         return laws
-    selection = np.unique(np.linspace(0, len(laws) - 1, MOST_LAWS).round().astype(int))
+    selection = np.unique(np.linspace(0, len(laws) - 1, MAX_LAWS).round().astype(int))
     title = f"{len(selection)} of {len(laws)} laws"
     return [(title, laws[index][1]) for index in selection]
 

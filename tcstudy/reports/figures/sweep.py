@@ -1,13 +1,12 @@
-"""Pictures of a whole sweep: curves of one number over one parameter, families by another; a map
-over two parameters.
+"""Pictures of a whole sweep: curves of a variable over one parameter, by another, and maps over two.
 
-Points without a solution have no number: they are left out, counted, and said with their status.
+Points without a solution have no value: they are left out, and counted by their status.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,36 +41,45 @@ if TYPE_CHECKING:
 Flags = NDArray[np.bool_]
 
 COUNTS = ("solutions", "stable_solutions")
-"""Numbers of equilibria."""
-MARKS = "osD^vPX"
-MOST_NAMED, MOST_MARKS = 10, 60
-"""Curves that a legend names, of more some; points that get marks."""
+"""Variables that count equilibria."""
+MARKERS = "osD^vPX"
+MAX_NAMED_CURVES = 10
+"""Curves that a legend names; of more it names some."""
+MAX_MARKED_POINTS = 60
+"""Points of a curve up to which each one gets a marker."""
+MAX_LOG_TICKS = 9
+"""Ticks of a logarithmic axis."""
 COLOURS = "viridis"
 """Evenly light for every kind of colour vision, and in grey."""
-GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
+FAILED: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
 OPEN: dict[str, Any] = {"hatch": "//", "edgecolor": "white", "linewidth": 0.0}
 OPEN_KEY: dict[str, Any] = {"hatch": "///", "facecolor": "#31688e"}
 INFINITE: dict[str, Any] = {"hatch": "..", "edgecolor": style.INK, "linewidth": 0.0}
 INFINITE_KEY: dict[str, Any] = {"hatch": "...", "facecolor": "white"}
 SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4}
 SEVERAL_FOUND = "several solutions found"
-RING: dict[str, Any] = {"marker": "o", "markersize": 9, "fillstyle": "none", "linestyle": "none",
-                        "color": style.VERMILLION}  # fmt: skip
+RING: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 9,
+    "fillstyle": "none",
+    "linestyle": "none",
+    "color": style.VERMILLION,
+}
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
 BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
 BAND = ("lambda_1_low", "lambda_1_high")
+"""Proved bounds of λ₁ of the body."""
 
 
 @dataclass(frozen=True)
-class Along:
-    """A swept parameter that is drawn.
+class SweptParameter:
+    """A swept parameter of a picture.
 
-    symbol:  how it is written
-    labels:  its different values, ascending if they are numbers
-    numbers: the same as numbers in `unit`, None if one of them is a text
-    place:   (P,) which of them each point has
-    random:  drawn from a distribution, so that neighbours have nothing in common
+    labels:    its different values, ascending if they are numbers
+    numbers:   the same as numbers in `unit`, None if one of them is a text
+    place:     (P,) index of the value of every point
+    is_random: sampled from a distribution, so that neighbours have nothing in common
     """
 
     name: str
@@ -80,11 +88,11 @@ class Along:
     numbers: Array | None
     unit: str
     place: NDArray[np.intp]
-    random: bool = False
+    is_random: bool = False
 
     @property
     def title(self) -> str:
-        """The parameter with its unit, for an axis."""
+        """Symbol and unit, for an axis."""
         return headed(self.symbol, self.unit)
 
 
@@ -110,7 +118,7 @@ class SweepPicture:
     title: str
     quantity: str
     axis: Scale
-    parameters: tuple[Along, ...]
+    parameters: tuple[SweptParameter, ...]
     symbols: dict[str, str]
     fixed: tuple[str, ...]
     left_out: str
@@ -125,20 +133,20 @@ class SweepPicture:
 
     @property
     def words(self) -> str:
-        """What it shows, and what the points have in common."""
-        over = " and ".join(one.name for one in self.parameters)
+        """Words on the quantity, the parameters, and the values that the points have in common."""
+        over = " and ".join(axis.name for axis in self.parameters)
         facts = [f"{self.quantity} over {over}", *self.fixed, self.left_out, self.infinite_words]
         return ", ".join(filter(None, [*facts, self.loading]))
 
     @property
     def infinite_words(self) -> str:
-        """Return at how many points the number is infinite; empty if at none."""
+        """Number of points with an infinite value, in words; empty if there are none."""
         count = int(self.infinite.sum())
         return f"{self.infinite_value} at {counted(count, 'point')}" if count else ""
 
     @property
     def infinite_value(self) -> str:
-        """Return the number with its infinite value: "ω = ∞"."""
+        """The quantity with its infinite value: "ω = ∞"."""
         return f"{style.symbol(self.quantity)} = {self.infinity}"
 
 
@@ -159,296 +167,403 @@ def _left_out(status: NDArray[Any], has_no_value: Flags) -> str:
 def read_sweep(
     path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int
 ) -> SweepPicture:
-    """Read the points of a sweep with the labels `point`, along the parameters `along` (see
-    `fitting`).
+    """Read the points of a sweep with the labels `point`, along the parameters `along`.
+
+    The points are those of `fitting`.
 
     Raises StoreError if `path` is no complete result file, DrawError for names that it does not
     have.
     """
     with open_results(path) as tree:
         data = tree.to_dataset()
-        if not axis_names(data):
-            raise DrawError(
-                "the file has one point and no swept parameter; "
-                "draw the point, without x, y and map"
-            )
-        names = tuple(parameter(data, given) for given in along)
-        if len(set(names)) < len(names):
-            raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
-        n = level_number(data, level)
-        group = tree.children.get(f"level_{n}")
-        of_level = () if group is None else {str(name) for name in group.data_vars}
+        names = _parameter_names(data, along)
+        level = level_number(data, level)
+        group = tree.children.get(f"level_{level}")
+        of_level = () if group is None else {str(key) for key in group.data_vars}
         name = quantity(data, number, of_level)
-        keep, fixed = fitting(data, point, names)
-        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
-        at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
-        shown = floors_of(data).cleared(name, by_point(at[name], at), n)[keep]
-        labelled, about = (
-            labels_by_point(data),
-            {"long_name": name, "units": "1"} | data[name].attrs,
-        )
+        is_shown, fixed = fitting(data, point, names)
+        columns = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
+        stored = [key for key in dict.fromkeys(columns) if key in data]
+        values = data[stored].isel(level=level).load()
+        cleared = floors_of(data).cleared(name, by_point(values[name], values), level)
+        label_of_point = labels_by_point(data)
+        parameters = [_parameter(data, key, label_of_point[key][is_shown]) for key in names]
 
     def flat(key: str) -> NDArray[Any]:
-        return by_point(at[key], at)[keep] if key in at else np.full(int(keep.sum()), np.nan)
+        if key not in values:
+            return np.full(int(is_shown.sum()), np.nan)
+        return by_point(values[key], values)[is_shown]
 
-    status, values, unique = flat("status"), shown, flat("unique") == 1
-    good = (
-        (status == PointStatus.OK)
-        & np.isfinite(values)
-        & ((values != -1) | (values.dtype.kind == "f"))
-    )
-    infinite = (status == PointStatus.OK) & np.isinf(values)
-    energy, more_than_one = flat("start_energy"), several(flat("start_energy"), unique)
-    loads = [name for name in names[:1] if name in str(data.attrs.get(SWEPT_LOADS, "")).split()]
-    lowest = data.attrs.get(BRANCH, "") == "lowest"
-    left_out = _left_out(status, ~(good | infinite))
+    shown = cleared[is_shown]
+    status, unique, energy = flat("status"), flat("unique") == 1, flat("start_energy")
+    has_count = (shown != -1) | (shown.dtype.kind == "f")
+    has_value = (status == PointStatus.OK) & np.isfinite(shown) & has_count
+    infinite = (status == PointStatus.OK) & np.isinf(shown)
+    is_several = several(energy, unique)
+    at_least = None
+    if name in COUNTS and "complete" in values:
+        at_least = flat("complete") == NOT_ALL
+    loading = ""
+    if data.attrs.get(BRANCH, "") == "lowest":
+        swept_loads = str(data.attrs.get(SWEPT_LOADS, "")).split()
+        loads = [key for key in names[:1] if key in swept_loads]
+        loading = least_energy_words(loads, energy, is_several)
+    stiffnesses = ["lambda_1", *(key for key in BAND if key in values)]
     with np.errstate(invalid="ignore"):
-        of = ["lambda_1", *(one for one in BAND if one in at)]
-        excess = tuple(np.where(good, flat("omega") - flat(one), np.nan) for one in of)
+        excess = [flat("omega") - flat(key) for key in stiffnesses]
+    attrs = {"long_name": name, "units": "1"} | data[name].attrs
+    title, units = spelled(str(attrs["long_name"])), str(attrs["units"])
     return SweepPicture(
         title=str(data.attrs["title"]),
         quantity=name,
-        axis=scale(
-            spelled(str(about["long_name"])), values[good].astype(float), str(about["units"])
-        ),
-        parameters=tuple(_along(data, one, labelled[one][keep]) for one in names),
+        axis=scale(title, shown[has_value].astype(float), units),
+        parameters=tuple(parameters),
         symbols=axis_symbols(data),
-        fixed=(*fixed, f"level {n}"),
-        left_out=left_out,
-        values=np.where(good, values.astype(float), np.nan),
+        fixed=(*fixed, f"level {level}"),
+        left_out=_left_out(status, ~(has_value | infinite)),
+        values=np.where(has_value, shown.astype(float), np.nan),
         proved=unique,
-        several=more_than_one,
-        at_least=flat("complete") == NOT_ALL if name in COUNTS and "complete" in at else None,
-        excess=excess,
+        several=is_several,
+        at_least=at_least,
+        excess=tuple(np.where(has_value, difference, np.nan) for difference in excess),
         infinite=infinite,
-        infinity="−∞" if np.any(values[infinite] < 0.0) else "∞",
-        loading=least_energy_words(loads, energy, more_than_one) if lowest else "",
+        infinity="−∞" if np.any(shown[infinite] < 0.0) else "∞",
+        loading=loading,
     )
 
 
-def _along(data: Any, name: str, held: NDArray[Any]) -> Along:
-    """The different labels among those that the points have."""
-    axis, symbol = data[name], axis_symbol(data, name)
-    if held.dtype.kind in "OUS":
-        texts = list(dict.fromkeys(str(one) for one in axis.values if one in set(held.tolist())))
-        place = np.array([texts.index(str(one)) for one in held], dtype=np.intp)
-        return Along(name, symbol, tuple(texts), None, "1", place)
-    different, place = np.unique(held, return_inverse=True)
-    divisor, unit = study_unit(axis.attrs) or axis_unit(different, str(axis.attrs["units"]))
-    numbers = different / divisor
-    return Along(
-        name,
-        symbol,
-        tuple(labels(numbers.tolist())),
-        numbers,
-        unit,
-        place.ravel(),
-        "distribution" in axis.attrs,
-    )
+def _parameter_names(data: Any, along: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of requested parameters in the file. Raises DrawError."""
+    if not axis_names(data):
+        raise DrawError(
+            "the file has one point and no swept parameter; draw the point, without x, y and map"
+        )
+    names = tuple(parameter(data, given_name) for given_name in along)
+    if len(set(names)) < len(names):
+        raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
+    return names
+
+
+def _parameter(data: Any, name: str, label_of_point: NDArray[Any]) -> SweptParameter:
+    """Return a parameter with the different labels among those of the points."""
+    axis, title = data[name], axis_symbol(data, name)
+    if label_of_point.dtype.kind in "OUS":
+        labels_of_points = set(label_of_point.tolist())
+        texts = dict.fromkeys(str(text) for text in axis.values if text in labels_of_points)
+        index_of_text = {text: index for index, text in enumerate(texts)}
+        place = np.array([index_of_text[str(text)] for text in label_of_point], dtype=np.intp)
+        return SweptParameter(name, title, tuple(texts), None, "1", place)
+    values, place = np.unique(label_of_point, return_inverse=True)
+    divisor, unit = study_unit(axis.attrs) or axis_unit(values, str(axis.attrs["units"]))
+    numbers = values / divisor
+    texts_of_numbers = tuple(labels(numbers.tolist()))
+    is_random = "distribution" in axis.attrs
+    return SweptParameter(name, title, texts_of_numbers, numbers, unit, place.ravel(), is_random)
 
 
 def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
-    same = ",  ".join(style.point_words(one, sweep.symbols) for one in sweep.fixed)
-    left_out = sweep.left_out + " (×)" * bool(sweep.left_out)
-    lines = [same, left_out, sweep.infinite_words, sweep.loading]
-    sheet = Sheet(look, sweep.title, lines)
+    fixed = [style.point_words(words, sweep.symbols) for words in sweep.fixed]
+    left_out = f"{sweep.left_out} (×)" if sweep.left_out else ""
+    facts = [",  ".join(fixed), left_out, sweep.infinite_words, sweep.loading]
+    sheet = Sheet(look, sweep.title, facts)
     return sheet, sheet.panels[""]
 
 
-def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
-    """One number over the first parameter of the sweep, a curve for each value of the second if
-    there is one."""
-    from matplotlib import colormaps
+# -- curves ----------------------------------------------------------------------------------------
 
-    x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
-    (sheet, axes), panel = _sheet(sweep, look), Panel(Scale(x.title), sweep.axis, grid=True)
-    across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
-    shaded = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
-    colours = (
-        list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels))))
-        if by and shaded
-        else style.SERIES
-    )
-    every = -(-len(by.labels) // MOST_NAMED) if by else 1
-    several_label = SEVERAL_FOUND
-    for k in range(len(by.labels) if by else 1):
-        own = np.flatnonzero(by.place == k) if by else np.arange(len(sweep.values))
-        own = own[np.argsort(x.place[own], kind="stable")]
-        at, values = across[x.place[own]], sweep.values[own]
-        joined = (
-            x.numbers is not None and not x.random and len(np.unique(at)) == len(at)
-        )  # a list may share its x
-        mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
-        how = {
-            "color": colours[k % len(colours)],
-            "linestyle": "-" if joined else "none",
-            "linewidth": 1.3,
-        }
-        name = by.labels[k] if by and k % every == 0 else ""
-        panel.line(at, values, marker=mark, markersize=4, label=name, **how)
-        ambiguous = sweep.several[own] & np.isfinite(values)
-        if ambiguous.any():
-            panel.line(at[ambiguous], values[ambiguous], label=several_label, **RING)
-            several_label = ""
-        look_of: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
-        look_of |= {"color": how["color"], "linestyle": "none"}
-        infinite = sweep.infinite[own]
-        if len(missing := at[np.isnan(values) & ~infinite]):
-            axes.plot(missing, 0.0 * missing, marker="x", markersize=5, **look_of)
-        if len(above := at[infinite]):
-            axes.plot(
-                above,
-                np.full_like(above, float(sweep.infinity == "∞")),
-                marker=r"$\infty$",
-                markersize=9,
-                **look_of,
-            )
-    if x.numbers is None:
-        panel.ticks = across.tolist(), list(x.labels)
-        panel.limits[0] = -0.5, len(across) - 0.5
-    elif not x.random and has_equal_ratios(across):
-        panel.log = True, False
-        few = slice(None, None, -(-len(across) // 9))
-        panel.ticks = across[few].tolist(), x.labels[few]
+
+@dataclass(frozen=True)
+class SweepCurve:
+    """The points of one curve, in the order of x."""
+
+    points: NDArray[np.intp]
+    name: str
+    colour: Any
+    marker: str
+
+
+def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
+    """Return the curve of a quantity over the first parameter, or one for each value of a second."""
+    x = sweep.parameters[0]
+    by = sweep.parameters[1] if len(sweep.parameters) > 1 else None
+    sheet, axes = _sheet(sweep, look)
+    panel = Panel(Scale(x.title), sweep.axis, grid=True)
+    positions = x.numbers
+    if positions is None:
+        positions = np.arange(len(x.labels), dtype=float)
+    has_several = False
+    for curve in _curves(x, by):
+        places = positions[x.place[curve.points]]
+        _draw_curve(panel, sweep, curve, places)
+        is_several = sweep.several[curve.points] & np.isfinite(sweep.values[curve.points])
+        if is_several.any():
+            label = "" if has_several else SEVERAL_FOUND
+            values = sweep.values[curve.points]
+            panel.line(places[is_several], values[is_several], label=label, **RING)
+            has_several = True
+        _draw_missing(axes, sweep, curve, places)
+    _set_ticks(panel, x, positions)
     panel.draw(axes)
     if panel.log[0]:
         axes.minorticks_off()
-    if by or not several_label:
-        sheet.key(
-            place="right upper" if sheet.wide >= BESIDE else "lower center",
-            title=by.title if by else "",
-        )
+    if by or has_several:
+        place = "right upper" if sheet.columns >= BESIDE else "lower center"
+        sheet.key(place=place, title=by.title if by else "")
     return sheet.finish()
 
 
+def _curves(x: SweptParameter, by: SweptParameter | None) -> list[SweepCurve]:
+    """Return the curve of every value of `by`, or one of all points."""
+    order = np.argsort(x.place, kind="stable")
+    if by is None:
+        return [SweepCurve(order, "", style.SERIES[0], MARKERS[0])]
+    colours = _colours(by)
+    stride = -(-len(by.labels) // MAX_NAMED_CURVES)
+    curves = []
+    for index, label in enumerate(by.labels):
+        name = label if index % stride == 0 else ""
+        marker = MARKERS[index % len(MARKERS)]
+        points = order[by.place[order] == index]
+        curves.append(SweepCurve(points, name, colours[index % len(colours)], marker))
+    return curves
+
+
+def _colours(by: SweptParameter) -> Sequence[Any]:
+    """Return distinct colours, or shades for more numbers than there are distinct colours."""
+    from matplotlib import colormaps
+
+    if by.numbers is None or len(by.labels) <= len(style.SERIES):
+        return style.SERIES
+    return list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels))))
+
+
+def _draw_curve(panel: Panel, sweep: SweepPicture, curve: SweepCurve, places: Array) -> None:
+    x = sweep.parameters[0]
+    has_equal_places = len(np.unique(places)) < len(places)  # the points of a list may share x
+    is_joined = x.numbers is not None and not x.is_random and not has_equal_places
+    has_markers = len(places) <= MAX_MARKED_POINTS or not is_joined
+    look = {
+        "color": curve.colour,
+        "linestyle": "-" if is_joined else "none",
+        "linewidth": 1.3,
+        "marker": curve.marker if has_markers else "",
+        "markersize": 4,
+    }
+    panel.line(places, sweep.values[curve.points], label=curve.name, **look)
+
+
+def _draw_missing(axes: Axes, sweep: SweepPicture, curve: SweepCurve, places: Array) -> None:
+    """Mark points without a value, and infinite values, at the lower or the upper edge."""
+    look: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
+    look |= {"color": curve.colour, "linestyle": "none"}
+    infinite = sweep.infinite[curve.points]
+    missing = np.isnan(sweep.values[curve.points]) & ~infinite
+    if missing.any():
+        axes.plot(places[missing], 0.0 * places[missing], marker="x", markersize=5, **look)
+    if infinite.any():
+        edge = np.full_like(places[infinite], float(sweep.infinity == "∞"))
+        axes.plot(places[infinite], edge, marker=r"$\infty$", markersize=9, **look)
+
+
+def _set_ticks(panel: Panel, x: SweptParameter, positions: Array) -> None:
+    """Set ticks at texts, or a logarithmic axis for numbers with equal ratios."""
+    if x.numbers is None:
+        panel.ticks = positions.tolist(), list(x.labels)
+        panel.limits[0] = -0.5, len(positions) - 0.5
+    elif not x.is_random and has_equal_ratios(positions):
+        panel.log = True, False
+        some = slice(None, None, -(-len(positions) // MAX_LOG_TICKS))
+        panel.ticks = positions[some].tolist(), x.labels[some]
+
+
 def has_equal_ratios(values: Array) -> bool:
-    """Return whether different values are spaced by ratios rather than by differences, so that a
-    logarithmic axis suits them."""
-    across = np.unique(values)
-    if len(across) <= 2 or across[0] <= 0.0:
+    """Return whether different values are spaced by ratios rather than by differences.
+
+    A logarithmic axis then suits them.
+    """
+    different = np.unique(values)
+    if len(different) <= 2 or different[0] <= 0.0:
         return False
-    linear, logarithmic = (
-        float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))
-    )
+    steps, log_steps = np.diff(different), np.diff(np.log(different))
+    linear = float(np.ptp(steps) / np.mean(steps))
+    logarithmic = float(np.ptp(log_steps) / np.mean(log_steps))
     return logarithmic < linear
 
 
-def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
-    """One number over two parameters: a cell for each pair of values, of random ones a mark for
-    each point.
+# -- maps ------------------------------------------------------------------------------------------
 
-    Hatched: not proved to be the only solution, of a number of equilibria not proved to be all.
-    Outlined: starts led to solutions of different energies. Crosses: no solution. Blank: a pair
-    that the sweep does not have. A line parts cells with different numbers of equilibria, as folds
-    lie there; on a dashed one ω = λ₁, below which one is proved.
+
+def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
+    """Return a map of a quantity over two parameters.
+
+    It has a cell for each pair of values, or a mark for each point of random ones. Hatched cells:
+    not proved to be the only solution, or a number of equilibria not proved to be all. Outlined
+    cells: starts led to solutions of different energies. Crosses: no solution. Blank: the sweep
+    does not have the pair. A line parts cells with different numbers of equilibria, as folds lie
+    there. On a dashed line ω = λ₁, below which one solution is proved.
     """
     from matplotlib.colors import BoundaryNorm
 
     sheet, axes = _sheet(sweep, look)
-    values, (x, y) = sweep.axis(sweep.values), sweep.parameters
-    known, how = np.isfinite(values), dict[str, Any](cmap=COLOURS)
-    counts = np.unique(values[known]) if sweep.at_least is not None else np.zeros(0)
-    if len(counts):  # a colour for each number of equilibria
-        edges = [counts[0] - 1.0, *(0.5 * (counts[1:] + counts[:-1])), counts[-1] + 1.0]
-        how["norm"] = BoundaryNorm(edges, 256)
-    if x.random and y.random and x.numbers is not None and y.numbers is not None:
-        at = np.stack([x.numbers[x.place], y.numbers[y.place]])
-        drawn: Any = axes.scatter(
-            at[0, known], at[1, known], 20, values[known], linewidths=0, **how
-        )
-        for which, name, mark in (
-            (known & sweep.proved, "proved unique", "o"),
-            (~known & ~sweep.infinite, "no solution", "x"),
-            (sweep.infinite, sweep.infinite_value, "s"),
-        ):
-            if which.any():
-                axes.plot(
-                    *at[:, which],
-                    mark,
-                    color=style.INK,
-                    fillstyle="none",
-                    markersize=4.6,
-                    label=name,
-                )
-    else:
-        drawn = _cells(sheet, axes, sweep, values, how)
-    axes.set(xlabel=style.math(x.title), ylabel=style.math(y.title))
-    bar = sheet.bar(axes, drawn, sweep.axis.label)
+    x, y = sweep.parameters
+    values = sweep.axis(sweep.values)
+    colours: dict[str, Any] = {"cmap": COLOURS}
+    counts = np.zeros(0)
+    if sweep.at_least is not None:
+        counts = np.unique(values[np.isfinite(values)])
     if len(counts):
-        bar.set_ticks(counts.tolist(), labels=[f"{n:.0f}" for n in counts])
+        # a colour for each number of equilibria
+        middles = 0.5 * (counts[1:] + counts[:-1])
+        colours["norm"] = BoundaryNorm([counts[0] - 1.0, *middles, counts[-1] + 1.0], 256)
+    if x.is_random and y.is_random and x.numbers is not None and y.numbers is not None:
+        places = np.stack([x.numbers[x.place], y.numbers[y.place]])
+        image = _draw_dots(axes, sweep, places, values, colours)
+    else:
+        image = _draw_cells(sheet, axes, sweep, values, colours)
+    axes.set(xlabel=style.math(x.title), ylabel=style.math(y.title))
+    bar = sheet.bar(axes, image, sweep.axis.label)
+    if len(counts):
+        bar.set_ticks(counts.tolist(), labels=[f"{count:.0f}" for count in counts])
     sheet.key()
     return sheet.finish()
 
 
-def _cells(
-    sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]
+def _draw_dots(
+    axes: Axes, sweep: SweepPicture, places: Array, values: Array, colours: dict[str, Any]
 ) -> Any:
-    from matplotlib.patches import Rectangle
+    """Draw a dot for each point at places (2, P)."""
+    has_value = np.isfinite(values)
+    x, y = places[:, has_value]
+    dots = axes.scatter(x, y, 20, values[has_value], linewidths=0, **colours)
+    look: dict[str, Any] = {"color": style.INK, "fillstyle": "none", "markersize": 4.6}
+    for is_marked, label, marker in (
+        (has_value & sweep.proved, "proved unique", "o"),
+        (~has_value & ~sweep.infinite, "no solution", "x"),
+        (sweep.infinite, sweep.infinite_value, "s"),
+    ):
+        if is_marked.any():
+            axes.plot(*places[:, is_marked], marker, **look, label=label)
+    return dots
 
+
+@dataclass(frozen=True)
+class CellMark:
+    """A mark of cells (rows, columns): hatches or an outline; key_look: what its key has instead."""
+
+    cells: Flags
+    look: dict[str, Any]
+    label: str
+    key_look: dict[str, Any] = field(default_factory=dict)
+
+
+def _draw_cells(
+    sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, colours: dict[str, Any]
+) -> Any:
+    grid = _grid(sweep)
+    has_point = grid >= 0
+    cells = np.where(has_point, values[grid], np.nan)
+    has_counts = sweep.at_least is not None
+    linewidth = 0.0 if has_counts else 0.4
+    image = axes.pcolormesh(
+        np.ma.masked_invalid(cells), edgecolors="white", linewidth=linewidth, **colours
+    )
+    _draw_marks(axes, _marks(sweep, grid, has_point, np.isfinite(cells)))
+    if has_counts:
+        _draw_folds(axes, cells)
+    _draw_bounds(axes, sweep, grid)
+    _set_cell_ticks(sheet, axes, *sweep.parameters)
+    return image
+
+
+def _grid(sweep: SweepPicture) -> NDArray[np.intp]:
+    """Return the index of the point of every cell (rows, columns), or −1.
+
+    Raises DrawError for two points of one cell.
+    """
     x, y = sweep.parameters
     grid = np.full((len(y.labels), len(x.labels)), -1, dtype=int)
-    for i, (row, column) in enumerate(zip(y.place, x.place, strict=True)):
+    for index, (row, column) in enumerate(zip(y.place, x.place, strict=True)):
         if grid[row, column] >= 0:
             where = f"{x.name} = {x.labels[column]} and {y.name} = {y.labels[row]}"
             raise DrawError(
                 f"several points of the list have {where}; choose one value of another parameter"
             )
-        grid[row, column] = i
-    there, shown = grid >= 0, np.where(grid >= 0, values[grid], np.nan)
-    known, counts, mesh = (
-        there & np.isfinite(shown),
-        sweep.at_least is not None,
-        len(sweep.excess) > 1,
-    )
-    open_ = known & (sweep.at_least[grid] if sweep.at_least is not None else ~sweep.proved[grid])
-    drawn = axes.pcolormesh(
-        np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how
-    )
-    kinds: tuple[tuple[Flags, dict[str, Any], dict[str, Any], str], ...] = (
-        (there & ~known & ~sweep.infinite[grid], GONE, {}, "no solution"),
-        (
-            there & sweep.infinite[grid],
-            INFINITE,
-            INFINITE_KEY,
-            sweep.infinite_value,
-        ),
-        (
-            open_,
-            OPEN,
-            OPEN_KEY,
-            "at least so many" if counts else "not proved unique" + " on the mesh" * mesh,
-        ),
-        (known & sweep.several[grid] & (not counts), SEVERAL, {}, SEVERAL_FOUND),
-    )
-    for which, look, in_key, name in kinds:  # hatches or outlines of the cells (rows, columns)
-        for row, column in np.argwhere(which):
-            axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **look))
-        if which.any():
-            axes.fill([], [], **{"facecolor": "none"} | look | in_key, label=name)
-    for cells, turned in (
-        ((shown, False), (shown.T, True)) if counts else ()
-    ):  # between different numbers of equilibria
-        a, b = cells[:, 1:], cells[:, :-1]
-        for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
-            ends = [column + 1] * 2, [row, row + 1]
-            axes.plot(*(ends[::-1] if turned else ends), **FOLD)
+        grid[row, column] = index
+    return grid
+
+
+def _marks(
+    sweep: SweepPicture, grid: NDArray[np.intp], has_point: Flags, has_value: Flags
+) -> list[CellMark]:
+    infinite = sweep.infinite[grid]
+    failed, infinite_cells = has_point & ~has_value & ~infinite, has_point & infinite
+    marks = [
+        CellMark(failed, FAILED, "no solution"),
+        CellMark(infinite_cells, INFINITE, sweep.infinite_value, INFINITE_KEY),
+    ]
+    if sweep.at_least is not None:
+        is_open = has_value & sweep.at_least[grid]
+        return [*marks, CellMark(is_open, OPEN, "at least so many", OPEN_KEY)]
+    is_open = has_value & ~sweep.proved[grid]
+    label = "not proved unique" + _of_mesh(sweep, " on the mesh")
+    is_several = has_value & sweep.several[grid]
+    return [
+        *marks,
+        CellMark(is_open, OPEN, label, OPEN_KEY),
+        CellMark(is_several, SEVERAL, SEVERAL_FOUND),
+    ]
+
+
+def _of_mesh(sweep: SweepPicture, words: str) -> str:
+    """Return words where bounds of λ₁ of the body are drawn beside those of the mesh."""
+    return words if len(sweep.excess) > 1 else ""
+
+
+def _draw_marks(axes: Axes, marks: Sequence[CellMark]) -> None:
+    from matplotlib.patches import Rectangle
+
+    for mark in marks:
+        for row, column in np.argwhere(mark.cells):
+            axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **mark.look))
+        if mark.cells.any():
+            look = {"facecolor": "none"} | mark.look | mark.key_look
+            axes.fill([], [], **look, label=mark.label)
+
+
+def _draw_folds(axes: Axes, cells: Array) -> None:
+    """Draw lines between cells with different numbers of equilibria."""
+    for counts, is_transposed in ((cells, False), (cells.T, True)):
+        right, left = counts[:, 1:], counts[:, :-1]
+        is_fold = np.isfinite(right) & np.isfinite(left) & (right != left)
+        for row, column in np.argwhere(is_fold):
+            across, along = [column + 1] * 2, [row, row + 1]
+            line = (along, across) if is_transposed else (across, along)
+            axes.plot(*line, **FOLD)
+
+
+def _draw_bounds(axes: Axes, sweep: SweepPicture, grid: NDArray[np.intp]) -> None:
+    """Draw the line ω = λ₁ and its proved bounds where all cells have a value."""
+    middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
     looks = (
-        (EQUAL, "ω = $λ_1$" + " of the mesh" * mesh),
+        (EQUAL, "ω = $λ_1$" + _of_mesh(sweep, " of the mesh")),
         (BOUND, "proved bounds of $λ_1$"),
         (BOUND, None),
     )
-    for above, (line, label) in zip(sweep.excess, looks, strict=False):
-        excess = np.where(there, above[grid], np.nan)
+    for excess_of_point, (look, label) in zip(sweep.excess, looks, strict=False):
+        excess = np.where(grid >= 0, excess_of_point[grid], np.nan)
         if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
-            middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
-            axes.contour(
-                *middles, excess, levels=[0.0], **{f"{key}s": value for key, value in line.items()}
-            )
-            axes.plot([], [], **line, label=label)
-    most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
-    most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
-    for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
-        few = range(0, len(one.labels), -(-len(one.labels) // most))
-        axis.set_ticks([i + 0.5 for i in few], [style.math(one.labels[i]) for i in few])
+            contour_look = {f"{key}s": value for key, value in look.items()}
+            axes.contour(*middles, excess, levels=[0.0], **contour_look)
+            axes.plot([], [], **look, label=label)
+
+
+def _set_cell_ticks(sheet: Sheet, axes: Axes, x: SweptParameter, y: SweptParameter) -> None:
+    """Set as many labels at the middles of the cells as there is room for."""
+    longest = max(map(len, x.labels))
+    max_columns = max(2, sheet.look.columns(0.6 * sheet.width) // (longest + 2))
+    max_rows = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
+    for axis, values, max_ticks in ((axes.xaxis, x, max_columns), (axes.yaxis, y, max_rows)):
+        some = range(0, len(values.labels), -(-len(values.labels) // max_ticks))
+        texts = [style.math(values.labels[index]) for index in some]
+        axis.set_ticks([index + 0.5 for index in some], texts)
     axes.tick_params(length=0)
-    return drawn

@@ -19,7 +19,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.pictures import draw_picture
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.point import law_figure, laws_of
+from tcstudy.reports.figures.point import OperatingLaws, law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import law_of_nodes, read_picture
 from tcstudy.reports.terminal.paths import folds_of
@@ -33,7 +33,8 @@ FIXED = {"tau": 0.5, "E": 100}
 
 def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(stored: Stored) -> None:
     point = read_picture(stored("films"))
-    laws, index, strength = laws_of(point)
+    operating = laws_of(point)
+    laws, index, strength = operating.laws, operating.index, operating.strength
     line, bonded = point.line, strength > 0
     assert [edge for edge, _ in laws] == ["film", "shoe", "film and shoe"]
     assert list(np.flatnonzero(index == 2)) == list(np.flatnonzero(np.isclose(line.x, 1.0)))
@@ -67,9 +68,8 @@ def test_a_law_shows_its_jumps_and_every_node_at_its_slip_and_traction(stored: S
     m = len(point.line.u_T)
     brittle = SHAPES["piecewise-linear"].build(points=[(0.0, 2e7), (1e-5, 2e7), (1e-5, 5e6)])
     with style.styled():
-        figure = law_figure(
-            point, ([("", brittle)], np.zeros(m, dtype=np.intp), np.ones(m)), style.Look()
-        )
+        laws = OperatingLaws([("", brittle)], np.zeros(m, dtype=np.intp), np.ones(m))
+        figure = law_figure(point, laws, style.Look())
     marked = [
         np.array(line.get_data(), dtype=float)
         for line in figure.axes[0].lines
@@ -122,7 +122,7 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
     open_ = np.count_nonzero(~shown.proved & np.isfinite(shown.values))
     assert [sum(str(hatch) == one for hatch in hatches) for one in ("//", "xxx")] == [open_, 1]
     assert key_of(bounded)[-1] == "ω = $λ_1$"
-    assert key_of(of_body)[-2:] == ["ω = $λ_1$ of the mesh", "bounds of $λ_1$ of the body"]
+    assert key_of(of_body)[-2:] == ["ω = $λ_1$ of the mesh", "proved bounds of $λ_1$"]
     assert "not proved unique on the mesh" in key_of(of_body)
 
 
@@ -154,7 +154,7 @@ def test_points_of_a_list_and_random_ones_are_not_joined(stored: Stored) -> None
     one = read_sweep(
         stored("listed"), ("alpha",), "slip_length", None, -1
     )  # two points of the list share one α
-    random = replace(by, parameters=tuple(replace(one, random=True) for one in by.parameters))
+    random = replace(by, parameters=tuple(replace(one, is_random=True) for one in by.parameters))
     for sweep, expected in ((by, "-"), (one, "None"), (random, "None")):
         with style.styled():
             assert curves_figure(sweep, style.Look()).axes[0].lines[0].get_linestyle() == expected
