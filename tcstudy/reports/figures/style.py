@@ -1,5 +1,4 @@
-"""What the pictures share: colours, letters, units, saving, and the error of a picture that cannot
-be made.
+"""Colours, letters, sizes and saving, common to all pictures.
 
 matplotlib is imported when a picture is made, so that the package works without it; pyplot and its
 list of open figures are not used at all.
@@ -39,7 +38,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 INK, PALE, SHADE = "#222222", "#8a8a8a", "#dedede"
 BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
 SERIES = (BLUE, VERMILLION, GREEN, "#cc79a7", "#e69f00", "#56b4e9", INK)
-"""From the palette of Okabe and Ito, told apart with every kind of colour vision."""
+"""Colours of the palette of Okabe and Ito, distinct for every kind of colour vision."""
 
 EVEN = "#fed976"
 """Of the colours of HEAT, the one for a body of one temperature."""
@@ -113,15 +112,17 @@ def look_of(
     into: Axes | None = None,
     panel: str | None = None,
 ) -> Look:
-    """The looks that are asked for. Raises UsageError for a size that no picture has."""
+    """Return the requested looks. Raises UsageError for a size that no picture has."""
     if panel is not None and into is None:
         raise UsageError("panel: give ax, too, the axes of your figure that it is drawn into")
     return Look(size_in_inches(size) if isinstance(size, str) else size, remarks, into, panel)
 
 
 def size_in_inches(text: str) -> tuple[float, float]:
-    """Width and height [inch] of a text such as "8x10cm"; raises UsageError if it is no size of a
-    picture."""
+    """Return width and height [inch] of a text such as "8x10cm".
+
+    Raises UsageError if it is no size of a picture.
+    """
     match = re.fullmatch(
         r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text
     )
@@ -147,15 +148,13 @@ _BARRED = re.compile("([^\\W\\d_])\N{COMBINING MACRON}")
 
 
 def math(text: str) -> str:
-    """Words as matplotlib writes them, in which an index stands below its letter, a power above,
-    and a bar over it, clear of the letter."""
+    """Return a text for matplotlib, with indices below their letters, powers above, bars over them."""
     plain = text.replace("$", r"\$")
     return _BARRED.sub(r"$\\bar{\1}$", _RAISED.sub(r"$\1\2{\3}$", plain))
 
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
-    """The settings of the pictures, for the time of a `with`; raises DrawError if there is no
-    matplotlib."""
+    """Return the settings of the pictures for a `with`. Raises DrawError without matplotlib."""
     scale = look.letters / USUAL if look is not None else 1.0
     sizes = {key: scale * value for key, value in _STYLE.items() if key.endswith("size")}
     settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE | sizes)
@@ -163,8 +162,7 @@ def styled(look: Look | None = None) -> AbstractContextManager[None]:
 
 
 def pt(letters: float) -> float:
-    """Size of letters [pt] in a picture that is being styled, for what would be `letters` among
-    usual ones."""
+    """Return the size of letters [pt] in a styled picture; letters: their size among usual ones."""
     return letters * float(_matplotlib().rcParams["font.size"]) / USUAL
 
 
@@ -205,10 +203,9 @@ def _imported() -> Any:
 
 
 def check_target(target: Path) -> None:
-    """Raise DrawError, before any work is done, unless the name asks for a known format and
-    pictures can be put there.
+    """Raise DrawError unless a picture can be written there in a known format.
 
-    Raises it, too, where there is no matplotlib.
+    Raises it, too, without matplotlib. To be called before any work is done.
     """
     if target.suffix.lower() not in SUFFIXES:
         raise DrawError(
@@ -220,10 +217,9 @@ def check_target(target: Path) -> None:
 
 
 def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
-    """Write a figure in the format of the suffix in place of an old one; the same figure gives the
-    same bytes.
+    """Write a figure in the format of the suffix, in place of an old one.
 
-    Raises DrawError if the file cannot be written; an old one is then untouched.
+    The same figure gives the same bytes. Raises DrawError if the file cannot be written; an old one is then untouched.
     """
     kind = target.suffix.lower()[1:]
     dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -236,7 +232,7 @@ def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
 
 
 def shown(figure: Figure, dpi: int = DPI) -> Figure:
-    """The figure with its picture, which a notebook asks it for; made while its style holds."""
+    """Return the figure with its picture for a notebook, made while its style holds."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     # IPython asks an object for its picture by this name
@@ -250,8 +246,10 @@ none."""
 
 
 def few_ticks(axis: Axis) -> None:
-    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other
-    and off the page."""
+    """Set ticks at 1, 2 and 5 only on a logarithmic axis with a ratio below NARROW.
+
+    Powers of ten at every digit would overlap and leave the page.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     low, high = sorted(axis.get_view_interval())
@@ -266,8 +264,9 @@ _STATED = re.compile(r"(\w+) = (-?[\d.][^\s,]*)((?: [^\s,]+)*)(?=, |$)")
 
 
 def point_words(text: str, symbols: Mapping[str, str]) -> str:
-    """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised
-    exponents.
+    """Return a point as files name it, with symbols and raised exponents.
+
+    A file has "alpha = 100 W m-2 K-1, friction = tresca".
 
     symbols: of its parameters (`select_point.axis_symbols`)
     """
@@ -275,5 +274,8 @@ def point_words(text: str, symbols: Mapping[str, str]) -> str:
     def written(name: str) -> str:
         return symbols.get(name) or symbol(name)
 
-    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{written(one[1])}: ", text)
-    return _STATED.sub(lambda one: f"{written(one[1])} = {one[2]}{pretty(one[3])}", named)
+    def with_unit(match: re.Match[str]) -> str:
+        return f"{written(match[1])} = {match[2]}{pretty(match[3])}"
+
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda match: f"{written(match[1])}: ", text)
+    return _STATED.sub(with_unit, named)

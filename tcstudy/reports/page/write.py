@@ -297,7 +297,7 @@ def fit_sections(stored: Stored, box: Container) -> list[Json]:
     sheet = sheet_part(columns, "fit", states=True)
     return [
         section("1  Data and fit", "fit", slider, beside_part(curve, facts), residuals),
-        section("2  What was found", "found", *report, beside_part(*other_panels)),
+        section("2  Fitted parameters", "found", *report, beside_part(*other_panels)),
         section("3  The data", "table", sheet),
     ]
 

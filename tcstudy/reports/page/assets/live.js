@@ -234,7 +234,7 @@ TC.live = {
       TC.fill(
         right,
         TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved here: ω is not below λ₁")),
-        TC.note(`${numberText}; soften the fall of the law, or look at the stored results`),
+        TC.note(`${numberText}; use a law that softens less, or look at the stored results`),
         lawPlot([]),
       );
       return;

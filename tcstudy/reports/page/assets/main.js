@@ -34,7 +34,7 @@ TC.start = async function () {
     cost: "accuracy against cost",
     path: "equilibria along a parameter",
     history: "a load history",
-    fit: "numbers from measurements",
+    fit: "parameter identification",
   };
   document.getElementById("kind").textContent = `tcstudy: ${kinds[data.kind]}`;
   verdict.classList.toggle("bad", !data.verdict.ok);

@@ -10,7 +10,7 @@ TC.stateOf = (line, code) => {
 };
 TC.ROLES = {
   contact: { words: "contact", stroke: "var(--c1)", "stroke-width": 4 },
-  clamped: { words: "held", stroke: "var(--ink)", "stroke-width": 4 },
+  clamped: { words: "constrained", stroke: "var(--ink)", "stroke-width": 4 },
   symmetry: {
     words: "symmetry",
     stroke: "var(--ink)",
@@ -236,7 +236,7 @@ TC.point = {
       ),
     );
   },
-  // u_T at a held end of a part: as stored, or 0 where every clamped edge is at rest, else NaN.
+  // u_T at a constrained end: as stored, or 0 where every clamped edge is at rest, else NaN.
   heldSlip: (solution, part, end) =>
     !part.held[end]
       ? NaN
