@@ -384,9 +384,10 @@ def bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
     """Return the variables of proved bounds of errors."""
     exact = f"of the solution of the {body}, not of a finer mesh; proved"
     norm = f"over the norm of the solution of the {body}, no less; missing where that may be 0"
+    bound = "bound of the error" if body == "body" else f"bound of the error of the {body}"
     return (
-        result("error_bound", "J0.5 m-0.5", "bound of the error", exact),
-        result("error_bound_relative", "1", "relative bound of the error", norm),
+        result("error_bound", "J0.5 m-0.5", bound, exact),
+        result("error_bound_relative", "1", f"relative {bound}", norm),
     )
 
 

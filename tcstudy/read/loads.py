@@ -407,10 +407,19 @@ def check_together(
     for key in (key for key in ("path", "history", "fit") if root.at(key)):
         fault = f"is of single points, not of a {key}"
         if mesh and mesh.bounds_errors:
-            ctx.at(root.nearest("mesh", "guarantee"), fault, "remove it")
+            remedy = "remove it; for bounds at single values write a sweep of them"
+            ctx.at(root.nearest("mesh", "guarantee"), f"{fault}: {UNBOUNDED[key]}", remedy)
         if solver and solver.every and key != "history":
             remedy = "write path.complete: true" if key == "path" else "remove it"
             ctx.at(root.nearest("solver", "branch"), fault, remedy)
+
+
+UNBOUNDED = {
+    "path": "it passes equilibria where one solution is not proved, and no error is bounded there",
+    "history": "a step depends on slips of earlier steps, whose errors are not bounded",
+    "fit": "the fitted law depends on errors of all its points",
+}
+"""Why no error is bounded, by section."""
 
 
 @dataclass(frozen=True)

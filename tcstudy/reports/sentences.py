@@ -497,16 +497,29 @@ def _accuracy(run: RunSeen) -> tuple[str, ...]:
         facts.append(how)
     bound = run.take("error_bound_relative")
     if bound is not None:
-        largest = float(np.max(bound[run.ok], initial=0.0))  # NaN where one point has none
-        if 0.0 < largest < 1.0:
-            of_polygon = run.nc.__dict__.get(GUARANTEE, "") == "polygon"
-            words = f"error of u proved to be at most {percent(largest)}"
-            facts.append(f"{words} (of the {POLYGON})" if of_polygon else words)
+        of_polygon = run.nc.__dict__.get(GUARANTEE, "") == "polygon"
+        facts.append(_error_bound(bound[run.ok], f" (of the {POLYGON})" if of_polygon else ""))
         facts.append(_slip_bound(run))
     stop = str(run.nc["stop"][-1]) if "stop" in run.nc.variables else ""
     if " not met:" in stop:
         facts.append(stop.partition(":")[0])
     return tuple(filter(None, facts))
+
+
+def _error_bound(bound: Array, of: str) -> str:
+    """Return how large the error of u is proved to be; "" where that is nothing.
+
+    bound: (P,) of solved points, relative, NaN where there is none
+    of:    what it is of, in brackets, where that is not the body
+    """
+    is_useful = bound < 1.0
+    count, total = int(np.count_nonzero(is_useful)), len(bound)
+    if not count or not np.max(bound[is_useful]) > 0.0:
+        return ""
+    words = f"error of u proved to be at most {percent(float(np.max(bound[is_useful])))}"
+    if count < total:
+        words += f" at {count} of {total} points, not bounded below 100 % elsewhere"
+    return words + of
 
 
 def _slip_bound(run: RunSeen) -> str:

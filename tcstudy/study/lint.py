@@ -27,6 +27,7 @@ from tcstudy.data.files import Remark, check_writable
 from tcstudy.errors import NUMBER, GeometryFailed, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
+from tcstudy.laws.pieces import DOWN
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
 from tcstudy.read.document import Collector, LocatedFault, located, tree_of
 from tcstudy.read.fields import names_needed
@@ -99,6 +100,7 @@ def _warnings(study: Study) -> Iterator[str]:
         reasons = dict.fromkeys(filter(None, map(why_no_bound, study.scenes)))
         if reasons:
             yield f"no error is bounded where {'; or where '.join(reasons)}"
+        yield from _jumping(study)
     measures = Measures.of(body, geometry)
     if study.units == "SI":
         all_loads = list(loads(study, AMBIENT))
@@ -329,6 +331,22 @@ def _materials(scenes: Sequence[Scene]) -> list[Material]:
     for scene in distinct(scenes, "material"):
         materials += scene.material.all
     return materials
+
+
+def _jumping(study: Study) -> Iterator[str]:
+    """Yield a warning for laws that jump down, where proved bounds do not converge."""
+    laws = [law for scene in distinct(study.scenes, "friction") for law in scene.laws]
+    jumps = [law.b_left - law.b_right for law in laws if np.any(law.kinds == DOWN)]
+    drop = max((float(np.max(jump)) for jump in jumps), default=0.0)
+    if not drop > 0.0:
+        return
+    stress = f"{drop:.3g}" if study.units == "none" else f"{drop:.3g} Pa"
+    yield note(
+        f"a friction law jumps down by J = {stress}, and error_bound is asked for",
+        "error_bound stops falling with the mesh where the slip is within J/λ₁ of the jump, λ₁ of "
+        "the body. It holds all the same.",
+        "give the fall a length, as slip-weakening has, or judge such points by estimates",
+    )
 
 
 def _coarse(study: Study, measures: Measures) -> Iterator[str]:

@@ -428,3 +428,20 @@ def test_regions_are_moved_onto_the_edges_that_they_nearly_meet() -> None:
         "body.regions.rest",
     ]
     assert lint(read_study_text(text.replace("{BODY}", outline))) == []
+
+
+def test_a_jump_of_a_law_is_noted_where_errors_are_bounded() -> None:
+    """Down from 3 to 1; a law that sticks, rises or falls over a length has no such jump."""
+    jump = "{law: piecewise-linear, points: [[0, 3], [1, 3], [1, 1]]}"
+    slope = "{law: piecewise-linear, points: [[0, 1], [1, 3], [2, 1]]}"
+
+    def told(law: str, guarantee: str) -> list[str]:
+        changes = f"friction={law}", f"mesh.guarantee={guarantee}"
+        study = study_of(RECTANGLE, *changes)
+        return [note for note in lint(study) if "jumps down" in note]
+
+    (note,) = told(jump, "true")
+    assert "J = 2," in note
+    assert told(jump, "polygon") == [note]
+    assert told(jump, "false") == []
+    assert told(slope, "true") == []

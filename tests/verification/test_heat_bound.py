@@ -3,6 +3,7 @@ and random heated scenes against meshes refined thrice."""
 
 import json
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
+import tcstudy
 from tcstudy.accuracy.norms import prolongation
 from tcstudy.fem import meshes
 from tcstudy.fem.meshes import PlaneMesh
@@ -239,3 +241,14 @@ def test_a_mesh_with_arcs_goes_by_its_own_constant(monkeypatch: pytest.MonkeyPat
     assert mesh.ancestor is not None
     T = bounds.constant(scene) * bounds.energy(scene, theta)
     assert bounds.bound(scene, theta, residual=1e6 * T) == T
+
+
+def test_meshes_are_adapted_to_a_tolerance_of_the_bound_with_a_source(tmp_path: Path) -> None:
+    """Its temperature is computed and adds to every bound."""
+    plan = "mesh={maxh: 0.4, tolerance: 0.15, of: error_bound}"
+    study = study_of(PARABOLA.replace("ALPHA", "1"), plan)
+    tree = tcstudy.run(study, tmp_path / "heated.nc")
+    bounds = tree["error_bound_relative"].values.ravel()
+    assert bounds[-1] <= 0.15 < bounds[-2]
+    assert len(bounds) > 2
+    assert str(tree["stop"].values[-1]).startswith("tolerance 0.15 met: bound")
