@@ -248,7 +248,10 @@ def _solutions(body: StoredBody, level: int, places: Places, rows: Places) -> di
     stored_places = body.places if body.number is not None else np.arange(len(body.places))
     solution_places = np.asarray(group["solution_point"][...])
     belongs = np.isin(solution_places, stored_places[rows])
-    columns = {v.name: body.read(group[v.name], level)[belongs] for v in schema.SOLUTION}
+    columns = dict[str, Values]()
+    for variable in (*schema.SOLUTION, schema.EXISTENCE_RADIUS):
+        if variable.name in group.variables:
+            columns[variable.name] = body.read(group[variable.name], level)[belongs]
     points = np.searchsorted(stored_places, solution_places[belongs])
     return columns | {"solution_point": places[points]}
 

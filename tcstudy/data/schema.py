@@ -141,10 +141,14 @@ CERTIFIED = ("not_certified", "certified")
 
 
 def count(
-    name: str, long_name: str, dims: Dims = POINT_LEVEL, extra: Extra = JUDGED
+    name: str,
+    long_name: str,
+    dims: Dims = POINT_LEVEL,
+    extra: Extra = JUDGED,
+    comment: str = "",
 ) -> FileVariable:
     """Return the variable of a count, −1 where there is none. extra: further attributes"""
-    comment = f"{MISSING_COUNT} where there is no value"
+    comment = comment or f"{MISSING_COUNT} where there is no value"
     extra = {"valid_min": np.int32(0), **extra}
     return FileVariable(name, "i4", "1", long_name, dims, comment, extra)
 
@@ -333,6 +337,15 @@ SOLUTION: tuple[FileVariable, ...] = (
     ),
 )
 """All solutions of all points of a level, point by point, the lowest energy of a point first."""
+EXISTENCE_RADIUS = FileVariable(
+    "existence_radius",
+    "f8",
+    "J0.5 m-0.5",
+    "radius of a ball that holds a solution of the body",
+    _SOLUTION,
+    "about the stable equilibrium, in the energy norm; proved, missing without a proof",
+)
+"""Of solutions of studies that bound errors."""
 
 _BY_SOLVER = (*POINT_LEVEL, "solver")
 _FIRST = "max |u_T - u_T of the first solver| over max |u_T| of the first"
@@ -402,7 +415,29 @@ def slip_bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
     )
 
 
-GUARANTEED = (*band_variables(), *bound_variables(), *slip_bound_variables())
+def existence_variables(body: str = "body") -> tuple[FileVariable, ...]:
+    """Return the variables of how many solutions the body has, of points with all solutions."""
+    least = "proved; no fewer, and 0 where nothing is proved"
+    estimated = "estimated; missing where it is not known, and where none is needed"
+    return (
+        count(
+            "solutions_of_body", f"least number of solutions of the {body}", extra={}, comment=least
+        ),
+        result(
+            "existence_size",
+            "m",
+            f"largest element edge at which all stable solutions would be proved of the {body}",
+            estimated,
+        ),
+    )
+
+
+GUARANTEED = (
+    *band_variables(),
+    *bound_variables(),
+    *slip_bound_variables(),
+    *existence_variables(),
+)
 """All variables of what is proved of the body."""
 
 
@@ -416,6 +451,8 @@ def guaranteed_variables(study: Study) -> tuple[FileVariable, ...]:
         variables += bound_variables(body)
         if SLIP_BOUNDS in study.output.quantities:
             variables += slip_bound_variables(body)
+        if study.solver.every:
+            variables += existence_variables(body)
     return tuple(variables)
 
 
@@ -632,7 +669,19 @@ _POINTS = (
     *ESTIMATES,
     *GUARANTEED,
 )
-_ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, *RIM, REGION, *FIELDS)
+_ALL = (
+    *_POINTS,
+    *SOLUTION,
+    EXISTENCE_RADIUS,
+    *CONTACT,
+    SECTION,
+    *HELD,
+    *JOINTS,
+    *MESH,
+    *RIM,
+    REGION,
+    *FIELDS,
+)
 _OF_GEOMETRIES = (NUMBER, OVERRIDES, *MESH_COUNTS, MESH_GEOMETRY)
 _EVERY = (*_ALL, *LIVE, *_OF_GEOMETRIES)
 RESERVED = frozenset(name for v in _EVERY for name in (v.name, *v.dims)) | {

@@ -737,12 +737,15 @@ def _put_solutions(
         blocks = [_padded(block, nodes) for block in blocks]
     if not blocks:
         return
+    variables = list(schema.SOLUTION)
+    if all(schema.EXISTENCE_RADIUS.name in block for block in blocks):
+        variables.append(schema.EXISTENCE_RADIUS)
     columns = dict[str, Any]()
-    for variable in schema.SOLUTION:
+    for variable in variables:
         columns[variable.name] = np.concatenate([block[variable.name] for block in blocks])
     order = np.argsort(columns["solution_point"], kind="stable")
     sorted_columns = {name: column[order] for name, column in columns.items()}
-    put_all(group, schema.SOLUTION, sorted_columns, contents.study)
+    put_all(group, variables, sorted_columns, contents.study)
 
 
 def _padded(solutions: Mapping[str, NDArray[Any]], nodes: int) -> Arrays:

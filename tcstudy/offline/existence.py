@@ -49,7 +49,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
@@ -352,16 +352,14 @@ def _mean_m(part: _Parts, delta: Array, w: Array, Omega: Array) -> Array:
     return np.asarray(np.maximum(m, 0.0).mean(axis=1))
 
 
-@dataclass
 class Existence:
     """Balls about solutions of one level that hold solutions of the body."""
 
-    level: Level
-    bounds: ErrorBounds = field(init=False)
-    _line_of: tuple[EquilibriumBody, float, _Line] | None = None
-
-    def __post_init__(self) -> None:
-        self.bounds = ErrorBounds(self.level)
+    def __init__(self, level: Level, bounds: ErrorBounds | None = None) -> None:
+        """Prepare proofs. bounds: the error bounds of the level, where there are some already"""
+        self.level = level
+        self.bounds = ErrorBounds(level) if bounds is None else bounds
+        self._line_of: tuple[EquilibriumBody, float, _Line] | None = None
 
     def radius(self, scene: Scene, v: Array, limit: float = np.inf) -> float:
         """Return the radius of a ball about a solution v (m,) that holds a solution of the body.

@@ -336,6 +336,7 @@ def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
     count, complete = run.take("solutions"), run.take("complete")
     if count is not None and complete is not None:
         facts.append(all_equilibria(count[run.ok], complete[run.ok]))
+        facts.append(_equilibria_of_body(run))
     if ambiguous.any():
         points = counted(int(ambiguous.sum()), "point")
         facts.append(f"several solutions found at {points}")
@@ -409,6 +410,37 @@ def several(energy: Array, unique: Flags) -> Flags:
     energy = np.sort(energy, axis=-1)
     size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
     return np.asarray(np.any(np.diff(energy, axis=-1) > SAME * size, axis=-1) & ~unique)
+
+
+def _equilibria_of_body(run: RunSeen) -> str:
+    """Return how many equilibria the body itself has at least; "" where that was not asked for."""
+    counts = run.take("solutions_of_body")
+    if counts is None or not run.ok.any():
+        return ""
+    counts = counts[run.ok]
+    body = proved_object(run.nc.__dict__.get(GUARANTEE, ""))
+    several = np.count_nonzero(counts > 1)
+    if several:
+        most = counted_in_words(int(counts.max()))
+        where = "" if several == len(counts) else f" at {several} of {len(counts)}"
+        least = counts[counts > 1].min()
+        words = most if least == counts.max() else f"{counted_in_words(int(least))} to {most}"
+        return f"{body} has at least {words} equilibria{where}"
+    sizes = run.take("existence_size")
+    found = run.take("solutions")
+    if sizes is None or found is None or not np.any(found[run.ok] > 1):
+        return ""
+    size = float(np.min(sizes[run.ok][found[run.ok] > 1]))  # NaN where it is not known
+    words = f"several equilibria of {body} not proved"
+    return f"{words}: needs about h_max = {with_unit(size, run.units, 2)}" if size > 0.0 else words
+
+
+_IN_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+def counted_in_words(count: int) -> str:
+    """Return a count in words up to ten."""
+    return _IN_WORDS[count] if count < len(_IN_WORDS) else str(count)
 
 
 def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:

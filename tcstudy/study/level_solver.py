@@ -36,6 +36,7 @@ from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import (
     ALL_PROVED,
     BALANCED,
+    EXISTENCE_RADIUS,
     HEAT_BOUND,
     LIMITED,
     MET,
@@ -55,6 +56,7 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.error_bound import ErrorBounds
+from tcstudy.offline.existence import Existence, count_of_body, distances_of
 from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.offline.requested_outputs import line_numbers
 from tcstudy.refine.family import ErrorEstimator
@@ -265,6 +267,10 @@ class LevelSolver:
         return self.bodies[key]
 
     @cached_property
+    def _proofs(self) -> Existence:
+        return Existence(self.level, self._bounds)
+
+    @cached_property
     def _bounds(self) -> ErrorBounds:
         return ErrorBounds(self.level)
 
@@ -298,10 +304,14 @@ class LevelSolver:
         if output.asks:
             for variable in requested_variables(self.study):
                 numbers[variable.name] = np.full(len(record), np.nan)
+        solutions = self._with_radii(record.solutions)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
             scene = self.study.scenes[int(record.points[row])]
             v = record.u_T[row]
             values = self._errors(record.index(row), scene, v)
+            if EXISTENCE_RADIUS.name in solutions:
+                is_own = solutions["solution_point"] == record.points[row]
+                values |= self._existence(scene, solutions, np.flatnonzero(is_own))
             if output.fields and not record.fields:
                 _put_row(fields, row, len(record), self.level.fields(scene, v))
             try:
@@ -310,7 +320,44 @@ class LevelSolver:
                 status[row] = PointStatus.ERROR
                 reasons[row] = f"numbers on request: {type(error).__name__}: {error}"
             _put_row(numbers, row, len(record), values)
-        return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
+        return replace(
+            record,
+            status=status,
+            reasons=reasons,
+            numbers=numbers,
+            fields=fields,
+            solutions=solutions,
+        )
+
+    def _with_radii(self, solutions: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return the solutions of a block with room for what is proved near them, if asked for."""
+        if not solutions or not self.study.mesh.bounds_errors:
+            return solutions
+        radii = np.full(len(solutions["solution_point"]), np.nan)
+        return {**solutions, EXISTENCE_RADIUS.name: radii}
+
+    def _existence(
+        self, scene: Scene, solutions: dict[str, NDArray[Any]], own: Places
+    ) -> dict[str, float]:
+        """Return how many solutions the body has at least, by variable name; put their radii.
+
+        own: rows of the solutions of one point
+        """
+        radii, v = solutions[EXISTENCE_RADIUS.name], solutions["solution_u_T"][own]
+        is_stable = solutions["solution_stable"][own] == 1
+        with self.times.measure("estimate"):
+            distances = distances_of(self.level.condensed(scene).problem.A_tilde, v)
+            apart = distances + np.diag(np.full(len(own), np.inf))
+            sizes = list[float]()
+            for i in np.flatnonzero(is_stable).tolist():
+                ball = self._proofs.ball(scene, v[i], 0.5 * float(apart[i].min()))
+                radii[own[i]] = ball.radius
+                if np.isnan(ball.radius):
+                    sizes.append(ball.size_needed(self.level.mesh.h_max))
+        return {
+            "solutions_of_body": count_of_body(radii[own], distances),
+            "existence_size": float(np.min(sizes)) if sizes else float("nan"),
+        }
 
     def _errors(self, index: tuple[int, ...], scene: Scene, v: Array) -> dict[str, Any]:
         """Return the error bounds and estimates of a solution by variable name."""

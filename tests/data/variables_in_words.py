@@ -138,6 +138,11 @@ def _runs() -> Iterator[str]:
         ),
         ("Runs: several solvers", "Where a study names several solvers.", schema.SOLVERS),
         ("Runs: all equilibria", sought, (*schema.EVERY, *schema.SOLUTION)),
+        (
+            "Runs: solutions of the body",
+            "With `mesh.guarantee: true` and `solver.branch: all`; radii are in the groups of levels.",
+            (*schema.existence_variables(), schema.EXISTENCE_RADIUS),
+        ),
         ("Runs: the contact line", grouped, (*schema.CONTACT, schema.SECTION)),
         ("Runs: constrained ends and junctions", held, (*schema.HELD, *schema.JOINTS)),
         ("Runs: fields", fields, (*schema.MESH, schema.REGION, *schema.FIELDS)),

@@ -2,11 +2,14 @@
 
 import json
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from numpy.typing import NDArray
 
+import tcstudy
 from tcstudy.accuracy.norms import prolongation
 from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.solve import solve_contact
@@ -17,6 +20,7 @@ from tcstudy.offline import existence
 from tcstudy.offline.error_bound import PARTS
 from tcstudy.offline.existence import Existence, count_of_body, distances_of
 from tcstudy.offline.level import Level
+from tcstudy.reports.terminal.summary import verdict_of
 from tests.verification.scenes import levels_of, study_of
 from tests.verification.test_error_bound import energy_norm, loaded_scene_of, varied_scene_of
 
@@ -233,6 +237,35 @@ def test_no_mean_slip_is_beyond_its_window() -> None:
     largest = np.sqrt(compliance.max(axis=1))
     assert np.all(largest < kappa)
     assert np.all(largest > 0.9 * kappa)
+
+
+def test_a_study_says_how_many_solutions_the_body_has(tmp_path: Path) -> None:
+    """Two loads on one mesh: one has three, one does not slide."""
+    path = tmp_path / "block.yaml"
+    path.write_text(BLOCK)
+    loads = "sweep={loads.f: [[0.007, 0], [0.001, 0]]}"
+    fine = "mesh={maxh: 0.0625, guarantee: true}"
+    proving = tcstudy.load(path, [fine, loads, "solver.branch=all"])
+    tcstudy.run(proving, tmp_path / "s.nc").close()
+    with xr.open_datatree(tmp_path / "s.nc") as tree:
+        root, line = tree.to_dataset().isel(level=0), tree["level_0"]
+        assert root["solutions"].values.tolist() == [3, 1]
+        assert root["solutions_of_body"].values.tolist() == [3, 1]
+        assert np.all(np.isnan(root["existence_size"]))
+        radii = np.asarray(line["existence_radius"])
+        is_stable = np.asarray(line["solution_stable"]) == 1
+        np.testing.assert_array_equal(np.isfinite(radii), is_stable)
+        scene, (level,) = proving.scenes[0], levels_of(proving)
+        v = np.asarray(line["solution_u_T"])[0]
+        assert radii[0] == pytest.approx(Existence(level).radius(scene, v), rel=1e-6)
+    words = "the body itself has at least three equilibria at 1 of 2"
+    assert words in verdict_of(tmp_path / "s.nc").trust
+    coarse = tcstudy.load(path, ["mesh={maxh: 0.125, guarantee: true}", "solver.branch=all"])
+    tcstudy.run(coarse, tmp_path / "c.nc").close()
+    (fact,) = (fact for fact in verdict_of(tmp_path / "c.nc").trust if "not proved" in fact)
+    words, _, size = fact.rpartition(" = ")
+    assert words == "several equilibria of the body itself not proved: needs about h_max"
+    assert 0.0625 < float(size) < 0.19
 
 
 def test_only_disjoint_balls_are_counted() -> None:
