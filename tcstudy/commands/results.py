@@ -156,8 +156,8 @@ def _index_variable(options: argparse.Namespace) -> str | None:
     design = attributes(options.file).get("design_mode") if is_run else None
     if options.of is not None and design is None:
         sweep = f"sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
-        what = f"the points of {options.file} are no design for indices"
-        fail(f"--of: {what}; run its study with {sweep}")
+        what = f"it names a result for indices, and {options.file} has no design for them"
+        fail(f"--of: {what}; run its study with {sweep}, or take all results with --json")
     usual = "slip_length" if design == SALTELLI else None
     return options.of or usual
 

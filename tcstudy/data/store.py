@@ -123,7 +123,10 @@ def write(
         attributes |= {GEOMETRIES: len(study.variants), LAYOUT: PADDED}
     names = axis_names(study.axes) if study.axes else ()
     swept_loads = " ".join(names[d] for d in load_axes(study))
-    attributes |= {BRANCH: study.solver.branch, SWEPT_LOADS: swept_loads}
+    attributes |= {
+        BRANCH: "all" if study.solver.every else study.solver.branch,
+        SWEPT_LOADS: swept_loads,
+    }
     if study.encloses_lambda_1:
         attributes |= {GUARANTEE: study.mesh.guarantee}
     write_dataset(path, attributes, make, JOURNAL_NOTE, seen)

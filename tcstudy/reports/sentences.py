@@ -357,7 +357,7 @@ def no_loading_curve(run: RunSeen, ambiguous: Flags) -> list[str]:
     less energy, long before the fold at which a loaded body leaves it.
     """
     names = run.nc.__dict__.get(SWEPT_LOADS, "").split()
-    if run.nc.__dict__.get(BRANCH, "") != "lowest":
+    if run.nc.__dict__.get(BRANCH, "") not in ("lowest", "all"):
         return []
     words = least_energy_words(names, run.take("start_energy"), ambiguous)
     return [words] if words else []

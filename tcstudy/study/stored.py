@@ -58,6 +58,13 @@ def check_kind(study: Study, kind: str, name: str) -> None:
             f"{name}: history: the study is a load history, and tcstudy {command} has no memory; "
             "use tcstudy run, or --set history=null for its points without memory"
         )
+    if kind in ("convergence", "cost") and study.path is not None:
+        command = "converge" if kind == "convergence" else kind
+        raise UsageError(
+            f"{name}: path: tcstudy {command} compares single points, not a path; run the path with "
+            "--set path.level=0 and higher levels and compare its peaks, or use --set path=null "
+            "for the points at the loads of the study"
+        )
     if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
         raise UsageError(
             f"{name}: path: the path is of one mesh, and adaptive meshes follow from the solutions "

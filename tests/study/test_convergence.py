@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from tcstudy.accuracy.orders import Fit
-from tcstudy.errors import ConvergenceError
-from tcstudy.read.study import read_study_text
+from tcstudy.errors import ConvergenceError, UsageError
+from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import convergence
 from tcstudy.study.convergence import converge, converge_to_file, own_error, verdict
+from tcstudy.study.stored import check_kind
+from tests.commands import CONFIGS
 from tests.verification.scenes import RECTANGLE, study_of
 from tests.verification.series import errors, notes, points
 
@@ -150,3 +152,11 @@ def test_an_error_that_does_not_fall_is_noted() -> None:
     [note] = stuck(0.5, 0.49)
     assert note.startswith("The error of u does not decrease at 1 of 1 points")
     assert [*convergence._stuck_note([{}])] == []
+
+
+@pytest.mark.parametrize("kind", ["convergence", "cost"])
+def test_a_path_is_no_set_of_points_to_compare(kind: str) -> None:
+    """Its points lie along the parameter, where `converge` has the loads of the study alone."""
+    study = read_study(CONFIGS / "pull_test.yaml")
+    with pytest.raises(UsageError, match=r"compares single points, not a path; .*path=null"):
+        check_kind(study, kind, "pull_test.yaml")

@@ -204,7 +204,7 @@ def read_sweep(
     if name in COUNTS and "complete" in values:
         at_least = flat("complete") == NOT_ALL
     loading = ""
-    if data.attrs.get(BRANCH, "") == "lowest":
+    if data.attrs.get(BRANCH, "") in ("lowest", "all"):
         swept_loads = str(data.attrs.get(SWEPT_LOADS, "")).split()
         loads = [key for key in names[:1] if key in swept_loads]
         loading = least_energy_words(loads, energy, is_several)

@@ -91,7 +91,7 @@ def path_verdict(data: Any) -> Verdict:
         answer=tuple(filter(None, answer)),
         cycles=_cycle(data, unit),
         trust=_branches_known(data) if segments else (),
-        accuracy=("not estimated: one mesh",) if segments else (),
+        accuracy=("not estimated: a path is of one mesh",) if segments else (),
         solved=(solved,),
         reason=(cause,),
         fix=(remedy,),

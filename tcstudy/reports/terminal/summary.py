@@ -178,7 +178,7 @@ EVERY = (
 NO_PART = "–: the law has no such part (slip length: it sticks nowhere)"
 FAILED = "failed: no solution; the numbers in (parentheses) are those of the last step"
 REGIONS = {
-    "debonded_length": "debonded: length that is fully debonded",
+    "debonded_length": "debonded: length on which b has reached its residual level",
     "softening_length": "softening: length on a softening branch of b",
     "yielded_length": "yielded: length of sliding at constant b (plateau)",
     "elastic_length": "elastic: length on the initial elastic branch of b",

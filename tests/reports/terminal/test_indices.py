@@ -118,8 +118,7 @@ def test_points_without_a_design_have_no_indices(stored: Stored) -> None:
     said = tcstudy_command("show", stored("block"), "--of", "slip_length")
     assert said.returncode == 2
     assert (
-        "no design for indices; run its study with sweep: {mode: saltelli, points: 256"
-        in said.stderr
+        "no design for them; run its study with sweep: {mode: saltelli, points: 256" in said.stderr
     )
 
 
