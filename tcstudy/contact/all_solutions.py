@@ -43,8 +43,13 @@ SAME = 1e-7
 """Solutions that differ by less than this part of the largest slip are the same."""
 LAW_ERROR = 1e-3
 """Error of the polygon of a law with exponential pieces, relative to its scale."""
-FIRST_BOXES = 300
-"""Boxes of a problem after which it is searched by its soft modes."""
+FIRST_WORK = 8e7
+"""Boxes times m³ of a problem after which it is searched by its soft modes, if it has some.
+
+On coarse meshes more of the first search's cheap boxes are as fast.
+"""
+MIN_FIRST_BOXES = 20
+"""Boxes before that on any mesh."""
 MODE_SHARE = 0.25
 """Share of the limits that this search has; the first one goes on with the rest of the time."""
 _CELLS = (
@@ -170,16 +175,21 @@ def _searched(problems: PolygonProblems, limits: Limits) -> tuple[Cells, dict[in
     A problem of many boxes is searched by its soft modes. If limits stop that, the first search
     goes on. Where it does not, its cells are left out.
     """
-    first = replace(limits, boxes=min(limits.boxes, FIRST_BOXES))
-    cells = problems.search(first)
-    has_time = limits.seconds > 0.0 and limits.boxes > FIRST_BOXES
-    rows = np.flatnonzero(cells.stopped & (cells.boxes > first.boxes)).tolist() if has_time else []
-    if not rows:
+    first_boxes = max(MIN_FIRST_BOXES, int(FIRST_WORK / problems.m**3))
+    if limits.boxes <= first_boxes:
+        return problems.search(limits), {}
+    cells = problems.search(replace(limits, boxes=first_boxes))
+    has_too_many = cells.stopped & (cells.boxes > first_boxes)
+    if not np.any(has_too_many):
         return cells, {}
     share = Limits(int(MODE_SHARE * limits.boxes), MODE_SHARE * limits.seconds)
-    by_modes = {row: ModeSearch(problems.single(row)).search(share) for row in rows}
+    by_modes = dict[int, ModeAnswer]()
+    for row in np.flatnonzero(has_too_many).tolist():
+        by_mode = ModeSearch(problems.single(row))
+        if by_mode.has_modes:
+            by_modes[row] = by_mode.search(share)
     is_answered = np.zeros(len(cells.boxes), dtype=bool)
-    is_answered[[row for row in rows if not by_modes[row].stopped]] = True
+    is_answered[[row for row, answer in by_modes.items() if not answer.stopped]] = True
     is_open = ~is_answered[cells.problem]
     cells = cells._replace(problem=cells.problem[is_open], sides=cells.sides[is_open])
     assert cells.waiting is not None
@@ -189,8 +199,8 @@ def _searched(problems: PolygonProblems, limits: Limits) -> tuple[Cells, dict[in
     )
     cells = cells._replace(boxes=boxes, stopped=cells.stopped & ~is_answered, waiting=left)
     if len(left.low):
-        rest = replace(limits, seconds=(1.0 - MODE_SHARE) * limits.seconds)
-        cells = problems.search(rest, cells)
+        seconds = (1.0 - MODE_SHARE) * limits.seconds if by_modes else limits.seconds
+        cells = problems.search(replace(limits, seconds=seconds), cells)
     return cells, by_modes
 
 

@@ -124,6 +124,11 @@ class ModeSearch:
             problems.size_of_A + self.sigma * size_of_N @ size_of_N.T,
         )
 
+    @property
+    def has_modes(self) -> bool:
+        """Return whether amplitudes are coordinates of the boxes."""
+        return self.N.shape[1] > 0
+
     def search(self, limits: Limits) -> ModeAnswer:
         """Return all solutions, depth first, within limits."""
         began = time.perf_counter()
@@ -207,7 +212,7 @@ class ModeSearch:
     def _bent_step(self, box: ModeBoxes, strips: Strips) -> ModeBoxes:
         """Return boxes after the strip step, and the mode step where there are modes."""
         places = self.problems.strip_step(box.places, strips)
-        if not self.N.shape[1]:
+        if not self.has_modes:
             return box._replace(low=places.low, high=places.high)
         alive = places.alive
         a_low, a_high = box.a_low.copy(), box.a_high.copy()

@@ -125,23 +125,46 @@ def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
 
 
 @pytest.mark.parametrize("has_jumps", [False, True])
-def test_the_search_by_modes_has_the_solutions_that_brute_force_finds(
-    has_jumps: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Every problem of several boxes goes to it; none of the cells of the first search is taken."""
-    monkeypatch.setattr("tcstudy.contact.all_solutions.FIRST_BOXES", 1)
+def test_the_search_by_modes_has_the_solutions_that_brute_force_finds(has_jumps: bool) -> None:
     counts = []
     for seed in range(15):
         problem, _ = random_problem(seed, 3, has_jumps)
         v, _, nearest = by_brute_force(problem)
         assert nearest > NEAR
-        found = all_solutions(problem)
-        assert found.complete, found.reason
-        np.testing.assert_allclose(sorted_rows(found.v), sorted_rows(v), atol=1e-8)
-        assert len(np.unique(found.sides, axis=0)) == len(found)
-        assert found.stable.tolist() == [certify(problem, x).strict_minimum for x in found.v]
-        counts.append(len(found))
+        polygons = PolygonProblems(
+            problem.A_tilde, problem.c, problem.law, problem.l_tilde[None], problem.lambda_1
+        )
+        found = ModeSearch(polygons.single(0)).search(Limits())
+        assert (found.stopped, found.undecided) == (False, [])
+        found_v = np.array([one.v for one in found.solutions])
+        np.testing.assert_allclose(sorted_rows(found_v), sorted_rows(v), atol=1e-8)
+        for one in found.solutions:
+            assert one.stable == certify(problem, one.v).strict_minimum
+        counts.append(len(found_v))
     assert max(counts) >= 3
+
+
+def test_a_problem_of_many_boxes_is_searched_by_modes_or_as_it_began(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both ways end in the same list; a search by modes that a limit stops costs no solution."""
+    law = tcstudy.law(points=[(0, 4), (1, 1)])
+    A, c = half_laplacian(8, 0.25)
+    problem = ContactProblem(A, 4.0 * c * np.linspace(0.2, 1.0, 8), c, law)
+    plain = all_solutions(problem)
+    assert plain.complete
+    assert plain.boxes > 3
+    monkeypatch.setattr("tcstudy.contact.all_solutions.FIRST_WORK", 1.0)
+    monkeypatch.setattr("tcstudy.contact.all_solutions.MIN_FIRST_BOXES", 1)
+    by_modes = all_solutions(problem)
+    monkeypatch.setattr("tcstudy.contact.all_solutions.MODE_SHARE", 0.0)
+    as_it_began = all_solutions(problem)
+    for other in (by_modes, as_it_began):
+        assert other.complete, other.reason
+        np.testing.assert_allclose(other.v, plain.v, atol=1e-12)
+        np.testing.assert_array_equal(other.stable, plain.stable)
+        np.testing.assert_array_equal(other.sides, plain.sides)
+    assert as_it_began.boxes >= plain.boxes
 
 
 @pytest.mark.parametrize("m", [40, 160])
