@@ -243,7 +243,7 @@ def test_sizes() -> None:
         (
             "block",
             {"x": "theta_bar", "y": "slip_lenght"},
-            "no number 'slip_lenght' .* did you mean 'slip_length'",
+            "no variable 'slip_lenght' .* did you mean 'slip_length'",
         ),
         ("block", {"x": "theta_bar", "y": "u_T"}, "'u_T' has a value at every node of a level"),
         ("block", {"x": "theta_bar", "y": "unique"}, "'unique' is a flag, not a quantity"),
@@ -260,7 +260,7 @@ def test_sizes() -> None:
             {"law": True, "map": ("theta_bar", "friction"), "of": "u_T_max"},
             "law: the picture of a run file by map does not depend on it",
         ),
-        ("block", {"size": (3.0, 1.0)}, "size: .* cm is the least height"),
+        ("block", {"size": (3.0, 1.0)}, "size: .* cm is the smallest height"),
         ("block", {"of": "sigma"}, "has no field 'sigma'"),
         ("block", {"along": "1, 1"}, "is no line"),
         ("block", {"along": "0, a: 1, 1"}, "is no line"),
