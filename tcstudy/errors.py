@@ -99,9 +99,9 @@ SYNONYMS = {
 """Words of a study or a file, with those that people type for them."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest(word: str, names: Iterable[str]) -> str | None:
     """Return the known word that a given one may mean: a synonym, else the most similar."""
-    known_by_lower = {name.lower(): name for name in known}
+    known_by_lower = {name.lower(): name for name in names}
     typed = word.lower()
     for name in known_by_lower.values():
         if typed in SYNONYMS.get(name, "").split():
@@ -113,9 +113,9 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return None
 
 
-def hint(word: str, known: Iterable[str], otherwise: str) -> str:
+def hint(word: str, names: Iterable[str], otherwise: str) -> str:
     """Return the remedy for an unknown word: the nearest known one, or something else."""
-    near = nearest(word, known)
+    near = nearest(word, names)
     return f"did you mean {near!r}?" if near else otherwise
 
 
@@ -158,9 +158,9 @@ class Problem:
             file = shortened(file, MAX_KEY_SHOWN)
         place = f"{file}:{self.line}:{self.column}" if self.line else file
         key = f"{shortened(self.key, MAX_KEY_SHOWN)}: " if self.key else ""
-        what = shortened(self.what, MAX_HALF_SHOWN)
+        fault = shortened(self.what, MAX_HALF_SHOWN)
         remedy = shortened(self.remedy, MAX_HALF_SHOWN)
-        return printable(f"{place}: {key}{what}; {remedy}")
+        return printable(f"{place}: {key}{fault}; {remedy}")
 
 
 class StudyWarning(UserWarning):

@@ -84,8 +84,8 @@ def _scene_drawing(
 
     for option, value in options.items():
         if value not in (None, False):
-            what = "a study that was not run has no results to draw"
-            raise UsageError(f"{option}: {what}; leave it out")
+            fault = "a study that was not run has no results to draw"
+            raise UsageError(f"{option}: {fault}; leave it out")
     look = style.look_of(size)
     if isinstance(subject, Path):
         name = str(subject)

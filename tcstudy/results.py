@@ -88,7 +88,7 @@ class Result:
                 try:
                     self._items[name] = tree[name].load()
                 except KeyError:
-                    names = [str(known) for known in (*tree.variables, *tree.children)]
+                    names = [str(key) for key in (*tree.variables, *tree.children)]
                     remedy = hint(str(name), names, f"it has {', '.join(names)}")
                     raise KeyError(f"the result has no {name!r}; {remedy}") from None
         return self._items[name]
@@ -286,9 +286,9 @@ def why_again(target: FilePath, study: Study) -> str:
     earlier = [file for file in _own_files(target.parent, pattern) if file != target]
     for file in earlier:
         with suppress(StoreError, OSError, LookupError):
-            last = attributes(file)
-            overrides = str(last["overrides"]).splitlines()
-            different = changes(str(last["study_yaml"]), overrides, study)
+            stored = attributes(file)
+            overrides = str(stored["overrides"]).splitlines()
+            different = changes(str(stored["study_yaml"]), overrides, study)
             return f"computed now: {', '.join(different) or 'the program or an option is another'}"
     return "computed now"
 

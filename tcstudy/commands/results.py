@@ -73,9 +73,9 @@ def draw(options: argparse.Namespace) -> int:
     target = _picture_name(options, is_study)
     time_before = _time_written(target)
     try:
-        wanted = _wanted_picture(options)
+        picture_options = _wanted_picture(options)
         with nullcontext() if is_study else reading(options.file):
-            sentence = draw_picture(options.file, target, options.overrides, **wanted)
+            sentence = draw_picture(options.file, target, options.overrides, **picture_options)
             if not is_study:
                 tell_stored(options.file)
         print(sentence)
@@ -104,10 +104,10 @@ def _wanted_picture(options: argparse.Namespace) -> dict[str, Any]:
     from tcstudy.reports.figures.draw import pair_of
 
     names = [flags[0].removeprefix("--") for flags, _ in PICTURE_OPTIONS]
-    wanted = {name: getattr(options, name) for name in names}
+    values = {name: getattr(options, name) for name in names}
     if options.map is not None:
-        wanted["map"] = pair_of(options.map)
-    return {**wanted, "at": point_of(options) or None}
+        values["map"] = pair_of(options.map)
+    return {**values, "at": point_of(options) or None}
 
 
 def _time_written(path: Path) -> int | None:
@@ -156,8 +156,8 @@ def _index_variable(options: argparse.Namespace) -> str | None:
     design = attributes(options.file).get("design_mode") if is_run else None
     if options.of is not None and design is None:
         sweep = f"sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
-        what = f"it names a result for indices, and {options.file} has no design for them"
-        fail(f"--of: {what}; run its study with {sweep}, or take all results with --json")
+        fault = f"it names a result for indices, and {options.file} has no design for them"
+        fail(f"--of: {fault}; run its study with {sweep}, or take all results with --json")
     usual = "slip_length" if design == SALTELLI else None
     return options.of or usual
 

@@ -72,8 +72,8 @@ def file_name(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError(f"the name {text} is empty; give the name of a file")
     if printable(text) != text:
-        what = f"the name {text} has characters that no line shows"
-        raise argparse.ArgumentTypeError(f"{what}; give the name of a file")
+        fault = f"the name {text} has characters that no line shows"
+        raise argparse.ArgumentTypeError(f"{fault}; give the name of a file")
     return Path(text)
 
 

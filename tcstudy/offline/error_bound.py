@@ -165,8 +165,8 @@ class ErrorBounds:
     def _slip_factor(self, scene: Scene) -> float:
         """Return the largest κ_e: the mean slip of a segment is known to ±κ_e‖u − u_h‖ [m/√(J/m)].
 
-        κ²_e = φᵀÂ⁻¹φ with φ = (½, ½) at the Gauss points of the segment: the equilibrium stress Z of
-        a unit traction there has ∫(u − u_h)_T = ∫Z : ε(u − u_h).
+        κ²_e = φᵀÂ⁻¹φ with φ = (½, ½) at the Gauss points of the segment: the equilibrium stress Z
+        of a unit traction there has ∫(u − u_h)_T = ∫Z : ε(u − u_h).
         """
         dual, factor = self.level.dual(scene)
         inverse = np.linalg.inv(dual.condensation.A_tilde)

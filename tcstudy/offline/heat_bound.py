@@ -4,7 +4,8 @@
 
     c(s,t) = ∫k∇s·∇t + ∫_{Γ_θ} αst,   ‖t‖²_c = c(t,t),   ‖t‖²_ρ = ∫ρt².
 
-The error of the displacement grows by no more than ‖ε‖_ρ (error_bound.py), and ‖ε‖_ρ ≤ T := M_h η_θ.
+The error of the displacement grows by no more than ‖ε‖_ρ (error_bound.py), and ‖ε‖_ρ ≤ T := M_h
+η_θ.
 
 η_θ:  Let p have div p = −q and p·n = flux on edges without exchange. Then
       c(ε,ε) = ∫(p − k∇θ_h)·∇ε − ∫_{Γ_θ}(p·n + α(θ_h − θ̄))ε, so that

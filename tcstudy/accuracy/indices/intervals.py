@@ -4,7 +4,7 @@ Influence:  ψ = r y² − e²/(1 − h), r = D/s²: the efficient influence fun
             & Gamboa, J. Nonparametr. Stat. 25 (2013) 573; Klein & Rochet, arXiv 2306.05842)
 Noise:      what the fit has of the noise is a quadratic form with the eigenvalues λ_j of
             Q'ᵀ diag(e²/((1 − h) D)) Q', Q' the basis without the constant (Kline, Saggio &
-            Sølvsten, Econometrica 88 (2020) 1859). It is all that is left at S = 0, where ψ vanishes
+            Sølvsten, Econometrica 88 (2020) 1859). Only it remains at S = 0, where ψ vanishes
 Test:       t is in the interval if |log((1 − t)/(1 − S))| is within a quantile of its distribution,
             variance 2 Σλ² + 4 κ t/N and third cumulant 8 Σλ³ + 24 κ^{3/2} t (1 − t)/N² by Cornish
             and Fisher's expansion; the quantile is Student's with the degrees of freedom of var ψ
