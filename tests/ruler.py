@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "tcstudy"
-VAGUE_NAMES = frozenset(
+_VAGUE = (
     "own one found given said told what made kept whole rest other others more here now both known "
-    "each every some last wrong asked wanted shown drawn left there it of at".split()
+    "each every some last wrong asked wanted shown drawn left there it of at"
 )
+VAGUE_NAMES = frozenset(_VAGUE.split())
 """Names of variables that are no nouns: they do not say what the value is."""
 LARGE_STATEMENT = 30
 """Tokens above which a statement does more than one thing."""

@@ -184,8 +184,8 @@ median of the words that begin a docstring."""
 ABOVE_THE_BAR = {
     "expressions": {"vague": 2.7},  # the left side of an operator
     "laws": {"vague": 1.4},  # limits from the left
+    "offline": {"vague": 1.5},
     "reports": {"tokens": 13.9, "large": 5.2, "vague": 3.0},
-    "top": {"vague": 1.3},
 }
 """Values of packages that do not meet it yet. They may only fall."""
 

@@ -209,8 +209,8 @@ class ErrorBounds:
         """Return η [√(J/m)] and ξ* (s, 2) at the ends of the segments of Γ_C [Pa].
 
         u:    (n, 2) the displacement u_h
-        near: whether the contact problem of the equilibrium elements is solved from u_hT on, to find
-              the stress of its branch, not from zero
+        near: whether the contact problem of the equilibrium elements is solved from u_hT on, to
+              find the stress of its branch, not from zero
         """
         (dual, factor), load = self.level.dual(scene), self._load(scene)
         if factor != 1.0:

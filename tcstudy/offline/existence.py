@@ -26,8 +26,8 @@ Sum:      with W⁺ = diag(c w⁺), W⁻ = diag(c w⁻) at the Gauss points and 
               k = 1 − λ_max(Â₋⁻¹W⁺) − max_K Σ_e C_e²(w⁺ + (t/(t − 1))²Ω),
           the energy rises by at least p(r) = ½kr² − ηr − ∫m, and p(r) > 0 proves the solution. The
           windows of r hold for smaller balls, too: the solution is within the root of p below r.
-m:        on a part of a segment b is S b₀ with S in [S₁, S₂]; ξ* and v = u_hT are linear. For a slip
-          y = v + s
+m:        on a part of a segment b is S b₀ with S in [S₁, S₂]; ξ* and v = u_hT are linear. For a
+          slip y = v + s
               −D − ½ws² − ½Ωd² = S j₀(v) − ξ*v − ½wv² + (−S j₀(y) + ξ*y + wvy − ½wy² − ½Ωd²),
           d ≤ |s| the distance of y from all v of the part. The second term is affine in x, so that
           its supremum over fixed y is convex, and so is that over S. j₀(v) is at most its chord and
@@ -66,7 +66,8 @@ from tcstudy.shapes.edges import GAUSS
 Array = NDArray[np.float64]
 
 RADII = np.geomspace(0.3, 40.0, 22)
-"""Radii that are tried, relative to η: no ball is proved for r < 2η, but smaller ones tell the need."""
+"""Radii that are tried, relative to η: no ball is proved for r < 2η, but smaller ones tell the
+need."""
 WIDENINGS = (1.5, 2.0)
 """t: the windows relative to the largest |πe_T|."""
 SHARES = (1e-3, 1e-2, 5e-2)
@@ -371,8 +372,8 @@ class Existence:
     def ball(self, scene: Scene, v: Array, limit: float = np.inf) -> Ball:
         """Return what is proved near a solution v (m,).
 
-        limit: radius beyond which a ball is of no interest, as half the distance of the nearest other
-               solution: large balls hold a solution of any coercive energy
+        limit: radius beyond which a ball is of no interest, as half the distance of the nearest
+               other solution: large balls hold a solution of any coercive energy
         """
         if not self.level.held or why_no_bound(scene):
             return NOTHING
