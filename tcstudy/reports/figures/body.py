@@ -229,7 +229,7 @@ def _draw_direction(axes: Axes, line: Array, per_inch: float) -> None:
 
 
 def edge_lines(picture: Picture, shape: BodyShape) -> Iterator[tuple[list[Array], NamedEdge]]:
-    """Yield the lines of each edge of the deformed body that is not free, all of one name together."""
+    """Yield the lines of the deformed edges that are not free, grouped by name."""
     assert picture.body is not None
     edge_of_side = nearest(picture.body.xy[shape.rim], picture.edges)
     by_name = {edge.name: edge for edge in picture.edges if edge.role != "free"}

@@ -471,7 +471,7 @@ class Sheet:
             self._replace_panel(look.into, look.panel)
 
     def _height(self, text_height: float) -> float:
-        """Return the height of the sheet [inch]. Raises DrawError if the requested one is too low."""
+        """Return the height of the sheet [inch]. Raises DrawError if it is requested too low."""
         panel_height, scale = sum(self.heights), self.look.letters / style.USUAL
         room = MIN_PANEL_SHARE * panel_height + ROW_ROOM * len(self.heights)
         least = text_height + scale * room

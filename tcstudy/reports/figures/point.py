@@ -1,7 +1,7 @@
 """Pictures of one point: body and contact line, a profile along any line, the friction law.
 
-The body stands above u_T, ξ = −S_T and N along the contact line. The law b̂ has its jumps filled in,
-and the operating point (u_T, ξ) of every contact node on it.
+The body stands above u_T, ξ = −S_T and N along the contact line. The law b̂ has its jumps filled
+in, and the operating point (u_T, ξ) of every contact node on it.
 """
 
 from __future__ import annotations
@@ -483,7 +483,7 @@ def _facts(point: Picture) -> list[str]:
 
 
 def slip_window(law: Laws, u_T: Array) -> tuple[float, float]:
-    """Return the slips between which a law is drawn: the nodes, and all of the law if it is near."""
+    """Return the slips between which a law is drawn: the nodes, and the whole law if near."""
     largest = float(np.abs(u_T).max(initial=0.0))
     reach = slip_range(law)
     span = SLIP_ROOM * max(largest, min(reach, MAX_SLIP_ROOM * largest)) or reach or 1.0

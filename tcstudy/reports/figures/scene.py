@@ -1,4 +1,4 @@
-"""The scene of a study before any work: outline, roles of edges, loads, materials, mesh, law, sweep.
+"""The scene of a study before any work: outline, roles of edges, loads, material, mesh, law, sweep.
 
 It shows the first point of the sweep. All is placed in inches of the sheet, so that letters and
 arrows do not cover each other. A body more than SLENDER times as long as high is drawn higher than

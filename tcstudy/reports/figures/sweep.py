@@ -1,4 +1,4 @@
-"""Pictures of a whole sweep: curves of a variable over one parameter, by another, and maps over two.
+"""Pictures of a sweep: curves of a variable over one parameter, by another, and maps over two.
 
 Points without a solution have no value: they are left out, and counted by their status.
 """
@@ -283,7 +283,7 @@ class SweepCurve:
 
 
 def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
-    """Return the curve of a quantity over the first parameter, or one for each value of a second."""
+    """Return the curves of a quantity over the first parameter, one per value of a second."""
     x = sweep.parameters[0]
     by = sweep.parameters[1] if len(sweep.parameters) > 1 else None
     sheet, axes = _sheet(sweep, look)
@@ -448,7 +448,7 @@ def _draw_dots(
 
 @dataclass(frozen=True)
 class CellMark:
-    """A mark of cells (rows, columns): hatches or an outline; key_look: what its key has instead."""
+    """A mark of cells (rows, columns): hatches or an outline; key_look: the style of its key."""
 
     cells: Flags
     look: dict[str, Any]
