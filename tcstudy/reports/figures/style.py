@@ -148,7 +148,7 @@ _BARRED = re.compile("([^\\W\\d_])\N{COMBINING MACRON}")
 
 
 def math(text: str) -> str:
-    """Return a text for matplotlib, with indices below their letters, powers above, bars over them."""
+    """Return a text for matplotlib, with its indices, powers and bars in mathematical type."""
     plain = text.replace("$", r"\$")
     return _BARRED.sub(r"$\\bar{\1}$", _RAISED.sub(r"$\1\2{\3}$", plain))
 
@@ -219,7 +219,8 @@ def check_target(target: Path) -> None:
 def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
     """Write a figure in the format of the suffix, in place of an old one.
 
-    The same figure gives the same bytes. Raises DrawError if the file cannot be written; an old one is then untouched.
+    The same figure gives the same bytes. Raises DrawError if the file cannot be written, and
+    leaves an old one untouched.
     """
     kind = target.suffix.lower()[1:]
     dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
