@@ -61,7 +61,8 @@ def check_kind(study: Study, kind: str, name: str) -> None:
     if kind in ("convergence", "cost") and study.path is not None:
         command = "converge" if kind == "convergence" else kind
         raise UsageError(
-            f"{name}: path: tcstudy {command} compares single points, not a path; run the path with "
+            f"{name}: path: tcstudy {command} compares single points, not a path; "
+            "run the path with "
             "--set path.level=0 and higher levels and compare its peaks, or use --set path=null "
             "for the points at the loads of the study"
         )
