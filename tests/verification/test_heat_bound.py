@@ -245,10 +245,10 @@ def test_a_mesh_with_arcs_goes_by_its_own_constant(monkeypatch: pytest.MonkeyPat
 
 def test_meshes_are_adapted_to_a_tolerance_of_the_bound_with_a_source(tmp_path: Path) -> None:
     """Its temperature is computed and adds to every bound."""
-    plan = "mesh={maxh: 0.4, tolerance: 0.15, of: error_bound}"
+    plan = "mesh={maxh: 0.4, tolerance: 0.08, of: error_bound}"
     study = study_of(PARABOLA.replace("ALPHA", "1"), plan)
     tree = tcstudy.run(study, tmp_path / "heated.nc")
     bounds = tree["error_bound_relative"].values.ravel()
-    assert bounds[-1] <= 0.15 < bounds[-2]
+    assert bounds[-1] <= 0.08 < bounds[-2]
     assert len(bounds) > 2
-    assert str(tree["stop"].values[-1]).startswith("tolerance 0.15 met: bound")
+    assert str(tree["stop"].values[-1]).startswith("tolerance 0.08 met: bound")
