@@ -546,7 +546,7 @@ class Parts:
 
     def _inverse(self, A: Array, sides: Index) -> Array | None:
         try:
-            Y = np.linalg.inv(self._columns(A, sides))
+            Y: Array = np.asarray(np.linalg.inv(self._columns(A, sides)), dtype=float)
         except np.linalg.LinAlgError:
             return None
         return Y if np.isfinite(Y).all() else None

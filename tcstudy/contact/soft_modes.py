@@ -292,7 +292,7 @@ class ModeSearch:
         room = _times(np.abs(NX), radius) * (1.0 + 8.0 * EPS) + small
         low, high = _narrowed(S, g, room, -radius_a, radius_a)
         try:
-            Z = np.linalg.inv(S)
+            Z: Array = np.asarray(np.linalg.inv(S), dtype=float)
         except np.linalg.LinAlgError:
             Z = np.zeros_like(S)
         if np.isfinite(Z).all() and Z.any():
@@ -303,7 +303,7 @@ class ModeSearch:
             rounding = 8.0 * (k + self.m + 4) * EPS
             room += _times(size_of_Z, small + rounding * (sizes + _times(np.abs(NX), radius)))
             low, high = _narrowed(Z @ S, _times(Z, g), room, low, high)
-        is_alive = (low <= high).all(-1)
+        is_alive = np.asarray((low <= high).all(-1))
         middle_a = np.where(is_alive[:, None], 0.5 * (low + high), 0.0)
         half_a = np.where(is_alive[:, None], 0.5 * (high - low), radius_a) * (1.0 + 8.0 * EPS)
         half_a += 4.0 * EPS * np.abs(middle_a)

@@ -294,8 +294,10 @@ def _fill_evenly(axes: Axes, shape: BodyShape, body: BodyFields, colours: Sequen
     """Fill each region with a colour of its own."""
     from matplotlib.colors import ListedColormap
 
+    x, y = shape.moved.T
     axes.tripcolor(
-        *shape.moved.T,
+        x,
+        y,
         body.triangles,
         facecolors=body.region % len(colours),
         cmap=ListedColormap(colours),

@@ -463,7 +463,7 @@ class Sheet:
         self._rect = tuple(box / np.array(size * 2))
         engine = cast("Any", self.figure.get_layout_engine())
         engine.set(rect=self._rect, w_pad=0.0, h_pad=0.0, hspace=0.05, wspace=0.03)
-        mosaic = [list(row) for row in rows]
+        mosaic: Any = [list(row) for row in rows]
         self.panels: dict[str, Axes] = self.figure.subplot_mosaic(
             mosaic, height_ratios=self.heights
         )

@@ -261,7 +261,8 @@ def _draw_mesh(
 
     count = len(FILLS)
     look: dict[str, Any] = {"cmap": ListedColormap(FILLS), "vmin": -0.5, "vmax": count - 0.5}
-    axes.tripcolor(*points.T, triangles, facecolors=region % count, **look)
+    x, y = points.T
+    axes.tripcolor(x, y, triangles, facecolors=region % count, **look)
     size = np.median(np.ptp(points[triangles], axis=1), axis=0)
     if float(size.min()) > MIN_DRAWN_TRIANGLE:
         axes.triplot(*points.T, triangles, color=style.INK, linewidth=0.4, alpha=0.25)
