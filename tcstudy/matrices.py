@@ -302,7 +302,7 @@ def _stiffness(value: object, m: int) -> Array:
         scipy.linalg.cholesky(symmetric, lower=True)
     except scipy.linalg.LinAlgError:
         least = float(scipy.linalg.eigvalsh(symmetric, subset_by_index=[0, 0])[0])
-        eigenvalue = f"least eigenvalue {least:.1e} with its diagonal scaled to 1"
+        eigenvalue = f"smallest eigenvalue {least:.1e} with its diagonal scaled to 1"
         remedy = "the body must be restrained, with the sign of a stiffness"
         raise ProblemError(f"A_tilde is not positive definite ({eigenvalue}); {remedy}") from None
     return 0.5 * (A + A.T)

@@ -67,7 +67,7 @@ answer = tcstudy.solve(problem)
 print("slip", answer.v[0])  # v + (1 − v/4) = 1.2
 assert np.isclose(answer.v[0], 4 / 15, rtol=1e-12)
 
-# %% 6. What is proved of it: the film falls by 1/4 a length, less than λ₁ = 1, so that the solution is the only one.
+# %% 6. Its certificate: the film softens by 1/4 per length, less than λ₁ = 1.
 certificate = tcstudy.certify(problem, answer)
 print("margin to uniqueness", certificate.margin)
 assert certificate.unique

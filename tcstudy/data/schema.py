@@ -417,7 +417,7 @@ def slip_bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
 
 def existence_variables(body: str = "body") -> tuple[FileVariable, ...]:
     """Return the variables of how many solutions the body has, of points with all solutions."""
-    least = "proved; no fewer, and 0 where nothing is proved"
+    least = "proved; no fewer, and 0 without a proof"
     estimated = "estimated; missing where it is not known, and where none is needed"
     return (
         count(
@@ -426,7 +426,7 @@ def existence_variables(body: str = "body") -> tuple[FileVariable, ...]:
         result(
             "existence_size",
             "m",
-            f"largest element edge at which all stable solutions would be proved of the {body}",
+            f"largest element edge at which all stable solutions have proofs for the {body}",
             estimated,
         ),
     )

@@ -342,7 +342,7 @@ def _jumping(study: Study) -> Iterator[str]:
         return
     stress = f"{drop:.3g}" if study.units == "none" else f"{drop:.3g} Pa"
     yield note(
-        f"a friction law jumps down by J = {stress}, and error_bound is asked for",
+        f"a friction law jumps down by J = {stress}, and error_bound is requested",
         "error_bound stops falling with the mesh where the slip is within J/λ₁ of the jump, λ₁ of "
         "the body. It holds all the same.",
         "give the fall a length, as slip-weakening has, or judge such points by estimates",
