@@ -269,7 +269,7 @@ def tresca(tau: float) -> Laws:
     _DELTA,
 )
 def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
-    """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b =
+    """b softens linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b =
     tau_k"""
     initial = _Piece(0.0, tau_s, (tau_k - tau_s) / delta)
     return _odd("slip-weakening", [delta], [initial, _Piece(delta, tau_k)])
@@ -295,7 +295,7 @@ def exponential(a: float, b: float, delta: float) -> Laws:
 )
 def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> Laws:
     """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau
-    decay^i and falls down at the end; after the last tooth b = (1 - drop) tau decay^teeth
+    decay^i and drops at the end; after the last tooth b = (1 - drop) tau decay^teeth
     """
     if not 1 <= teeth <= MAX_TEETH:
         raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
@@ -322,7 +322,7 @@ def elastic_plastic(tau: float, s0: float) -> Laws:
 
 @_shape(_PEAK, _S0, _SF, _GF)
 def bilinear(tau: float, s0: float, sf: float | None, G_f: float | None) -> Laws:
-    """b rises linearly from 0 to tau over s0, falls linearly to 0 at sf (so that G_f = tau sf/2),
+    """b rises linearly from 0 to tau over s0, softens linearly to 0 at sf (so that G_f = tau sf/2),
     then b = 0"""
     return _interface("bilinear", tau, (s0, tau), (_debonded(tau, s0, s0, sf, G_f), 0.0))
 
@@ -331,7 +331,7 @@ def bilinear(tau: float, s0: float, sf: float | None, G_f: float | None) -> Laws
     _PEAK, _S0, LawParameter("s1", "slip at the end of the plateau", LENGTH, "100 um"), _SF, _GF
 )
 def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float | None) -> Laws:
-    """b rises linearly from 0 to tau over s0, stays to s1, falls linearly to 0 at sf (G_f = tau (sf
+    """b rises linearly from 0 to tau over s0, stays to s1, softens linearly to 0 at sf (G_f = tau (sf
     + s1 - s0)/2)"""
     return _interface(
         "trapezoidal", tau, (s0, tau), (s1, tau), (_debonded(tau, s0, s1, sf, G_f), 0.0)
@@ -343,7 +343,7 @@ def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float |
     _traction("tau_r", "residual traction", example="1 MPa"),
 )  # fmt: skip
 def trilinear(tau: float, s0: float, sf: float, tau_r: float) -> Laws:
-    """b rises linearly from 0 to tau over s0, falls linearly to tau_r at sf, then b = tau_r"""
+    """b rises linearly from 0 to tau over s0, softens linearly to tau_r at sf, then b = tau_r"""
     return _interface("trilinear", tau, (s0, tau), (sf, tau_r))
 
 

@@ -372,7 +372,7 @@ def test_data_of_a_path_in_no_order_and_laws_that_vary_along_the_line_are_refuse
     """Feet on a path go forward with the data."""
     data = pulled(45)
     study_of(tmp_path, data[::-1])
-    with pytest.raises(StudyError, match="the data jump to and fro"):
+    with pytest.raises(StudyError, match="the data are not in the order of the test"):
         study_of(tmp_path, np.random.default_rng(1).permutation(data))
     with pytest.raises(
         StudyError, match=r"fit.compare: a path takes one law, the same all along the contact line"

@@ -166,11 +166,11 @@ mesh: {maxh: 20 mm}
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        ([], ("elements of 20 mm", "zone of 14 mm", "0.7 cells", "52 % too high", "2.81 mm")),
-        (["mesh.maxh=10 mm"], ("zone of 14 mm", "1.4 cells", "12 % too high")),
-        (["mesh={maxh: 20 mm, levels: 3}"], ("elements of 5 mm", "2.8 cells", "4 % too high")),
-        (["mesh={maxh: [20 mm, 4 mm]}"], ("elements of 4 mm", "3.5 cells")),
-        (["friction.delta=16 um"], ("zone of 28.1 mm", "1.4 cells")),
+        ([], ("elements of 20 mm", "zone of 14 mm", "0.7 elements", "52 % too high", "2.81 mm")),
+        (["mesh.maxh=10 mm"], ("zone of 14 mm", "1.4 elements", "12 % too high")),
+        (["mesh={maxh: 20 mm, levels: 3}"], ("elements of 5 mm", "2.8 elements", "4 % too high")),
+        (["mesh={maxh: [20 mm, 4 mm]}"], ("elements of 4 mm", "3.5 elements")),
+        (["friction.delta=16 um"], ("zone of 28.1 mm", "1.4 elements")),
         (["friction.tau_k=7.5 MPa"], ("zone of 28.1 mm",)),
         (["body.rectangle.height=100 m", "material.E=2 GPa"], ("zone of 838 um", "at least 52 %")),
         (["mesh.maxh=2.8 mm"], ()),
