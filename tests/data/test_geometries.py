@@ -317,13 +317,48 @@ def test_files_of_version_0_8_are_shown_as_new_ones(
     """A file and the same in the new layout have one summary, page, picture and table."""
     new = tmp_path / f"{name}.nc"
     file = as_new(OLD / f"{name}.nc", new)
+    rewritten = shutil.copy(file, tmp_path / "rewritten")
+    rewrite(rewritten)
+    label_as(file, rewritten)
     said = []
     for _ in ("old", "new"):
         show(file, tmp_path)
         texts = [one.read_bytes() for one in sorted(tmp_path.glob("a.*"))]
         said.append((capsys.readouterr().out, texts))
-        rewrite(file)
+        shutil.copy(rewritten, file)
     assert said[0] == said[1]
+
+
+def label_as(old: Path, new: Path) -> None:
+    """Give the variables of a file the labels that those of the same name have in a newer one."""
+    labels = dict[str, dict[str, str]]()
+    with netCDF4.Dataset(new) as nc:
+        for group in _groups(nc):
+            for name, variable in group.variables.items():
+                texts = {key: variable.__dict__.get(key) for key in ("long_name", "comment")}
+                labels.setdefault(name, {key: text for key, text in texts.items() if text})
+    with netCDF4.Dataset(old, "a") as nc:
+        for group in _groups(nc):
+            for name, variable in group.variables.items():
+                if "long_name" in variable.__dict__:
+                    variable.setncatts(labels.get(name, {}))
+    put_seal(old)
+
+
+def _groups(nc: netCDF4.Dataset) -> Iterator[netCDF4.Dataset]:
+    """Yield a group and all below it."""
+    yield nc
+    for group in nc.groups.values():
+        yield from _groups(group)
+
+
+def without_bounds(study: Study) -> Study:
+    """Return a study of version 0.8, which did not bound λ₁ of the body."""
+    variants = tuple(
+        replace(variant, study=variant.study and without_bounds(variant.study))
+        for variant in study.variants
+    )
+    return replace(study, mesh=replace(study.mesh, guarantee="none"), variants=variants)
 
 
 def rewrite(file: Path) -> None:
@@ -331,7 +366,7 @@ def rewrite(file: Path) -> None:
     from tcstudy.study.append import stored_study
     from tcstudy.study.stored import Kept
 
-    study = stored_study(file)
+    study = without_bounds(stored_study(file))
     kept = Kept.of(file, study, study)
     with netCDF4.Dataset(file) as nc:
         about = {name: nc.getncattr(name) for name in nc.ncattrs() if name != "finished"}
