@@ -331,8 +331,8 @@ def bilinear(tau: float, s0: float, sf: float | None, G_f: float | None) -> Laws
     _PEAK, _S0, LawParameter("s1", "slip at the end of the plateau", LENGTH, "100 um"), _SF, _GF
 )
 def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float | None) -> Laws:
-    """b rises linearly from 0 to tau over s0, stays to s1, softens linearly to 0 at sf (G_f = tau (sf
-    + s1 - s0)/2)"""
+    """b rises linearly from 0 to tau over s0, stays to s1, softens linearly to 0 at sf (G_f =
+    tau (sf + s1 - s0)/2)"""
     return _interface(
         "trapezoidal", tau, (s0, tau), (s1, tau), (_debonded(tau, s0, s1, sf, G_f), 0.0)
     )
