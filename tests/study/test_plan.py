@@ -207,7 +207,7 @@ def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) 
                 "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}",
                 "loads.f=[0, 0]",
             ),
-            "a step",
+            "history step",
         ),
         (study_of(RECTANGLE, "solver=[separable-newton, bundle-newton]"), "solvers"),
     ],
