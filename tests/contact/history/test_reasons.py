@@ -42,7 +42,7 @@ def test_a_step_of_too_many_parts_fails(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(steps, "MAX_PARTS", 1)
     ended = list(history(body, [4.0 * first, first + 4.0 * second, -1.5 * first]))
     assert [step.status for step in ended[1:]] == [Status.CONVERGED, Status.STALLED]
-    assert "turns back or jumps more than 1 times" in ended[2].reason
+    assert "reverses its slip or jumps more than 1 times" in ended[2].reason
 
 
 def test_a_step_from_the_convex_model_counts_the_iterations_of_both_runs(

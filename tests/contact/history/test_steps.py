@@ -109,7 +109,7 @@ def test_a_walk_that_is_not_determined_says_so(branch: HistoryBranch) -> None:
     anywhere."""
     steps = walking(100, 60.0, 1, branch)
     assert steps[-1].status == Status.NOT_POSITIVE_DEFINITE
-    assert "not identifiable" in steps[-1].reason
+    assert "not unique" in steps[-1].reason
 
 
 def in_parts(body: HistoryProblem, loads: list[Array], count: int) -> list[HistoryStep]:
