@@ -74,7 +74,7 @@ def test_a_resumed_run_comes_to_the_same_meshes(
     """Also where it stopped within a level: what was solved before is estimated again, not
     solved."""
     monkeypatch.setattr(
-        level_solver, "ESTIMATED", 1
+        level_solver, "MAX_ESTIMATED_POINTS", 1
     )  # blocks of one point, so that a level has three
     study = study_of(
         SWEPT, "mesh={maxh: 0.5, levels: 3, family: adaptive, goal: friction_resultant}"

@@ -82,7 +82,11 @@ def test_what_has_slipped_so_far_moves_along_the_law(
         (Memory("friction"), law(points=[(-1, -1), (1, 2)], odd=False), "needs an odd law"),
         (Memory("friction"), law(points=[(0, 1), (1, -1), (2, 1)]), "opposes slip"),
         (Memory("damage"), law(points=[(0, 0), (1, 1), (2, 3)]), "secant b"),
-        (Memory("damage"), law("saw-tooth", tau=1, delta=1, teeth=2, drop=1.0), "does not increase"),
+        (
+            Memory("damage"),
+            law("saw-tooth", tau=1, delta=1, teeth=2, drop=1.0),
+            "does not increase",
+        ),
         (Memory("damage"), law(points=[(0, 1), (1, 1), (1, 2)]), "jumps up at s = 1"),
         (
             Memory("elastic-plastic", 1.0),
