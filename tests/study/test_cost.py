@@ -145,20 +145,20 @@ def test_other_solvers_run_only_where_they_are_wanted(monkeypatch: pytest.Monkey
 
 def test_families_are_timed_again_without_their_guarantee(monkeypatch: pytest.MonkeyPatch) -> None:
     """The study's own meshes may depend on it."""
-    has_guarantee = list[bool]()
+    guarantees = list[str]()
 
     def steps(study: object, plan: MeshPlan, is_wanted: object = None) -> Iterator[Any]:
-        has_guarantee.append(plan.guarantee)
+        guarantees.append(plan.guarantee)
         yield None, {"separable-newton": 2.0}
         yield None, {"separable-newton": 3.0}
 
     monkeypatch.setattr(cost, "walk", steps)
-    plan = MeshPlan((0.8,), 2, guarantee=True)
+    plan = MeshPlan((0.8,), 2, guarantee="bounds")
     level: Any = SimpleNamespace(solutions={})
     for family in ("uniform", cost.OWN):
         curve = CostCurve(family, plan, levels=[level])
         assert cost._times_of_another_run(study_of(RECTANGLE), curve) == [{"separable-newton": 2.0}]
-    assert has_guarantee == [False, True]
+    assert guarantees == ["none", "bounds"]
 
 
 @pytest.mark.parametrize(
