@@ -122,8 +122,8 @@ def test_the_pad_has_a_loop_that_the_path_does_not_meet(
     asked = ["run", str(PAD), "--set", "mesh.levels=1", "--set"]
     assert main([*asked, "path.complete=true", f"--output={file}"]) == 0
     said = capsys.readouterr().out
-    assert "1 open branch and 1 closed loop; complete (proved)" in said
-    assert "a closed loop from 0.7185 to 0.9406 mm that the path does not meet" in said
+    assert "1 open branch and 1 closed branch; complete (proved)" in said
+    assert "an isola from 0.7185 to 0.9406 mm, which the path does not meet" in said
     assert "7 equilibria at 0.9 mm, 2 of them not on the path from the start" in said
     with xr.open_dataset(file) as data:
         [k] = np.flatnonzero(data["branch_loop"].values)

@@ -69,7 +69,8 @@ def test_one_factorisation_a_mesh_and_ratio(
     monkeypatch.setattr(
         level_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k)
     )
-    tree = run(tmp_path, SWEPT.replace("E: [1, 2]", material), COARSE)
+    text = SWEPT.replace("E: [1, 2]", material)
+    tree = run(tmp_path, text, COARSE, "mesh.guarantee=false")
     assert np.all(tree["status"] == int(PointStatus.OK))
     assert len(plans) == 2 * ratios
     assert sum(plan is None for plan in plans) == 2
