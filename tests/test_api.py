@@ -32,7 +32,7 @@ def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path)
     slips = run[f"level_{study.mesh.levels - 1}"]["u_T"].values.ravel()
     at = along["solution_u_T"].values
     assert any(np.allclose(row, slips, rtol=1e-9, atol=1e-12) for row in at.reshape(-1, len(slips)))
-    assert "status" in tcstudy.converge(study, tmp_path / "errors.nc")
+    assert "status" in tcstudy.converge(study.with_({"path": None}), tmp_path / "errors.nc")
     assert tcstudy.draw(file, tmp_path / "law.png", law=True, size="8x10cm").stat().st_size > 1000
     with pytest.raises(tcstudy.UserFault, match="law: the picture of a run file by x does not"):
         tcstudy.draw(file, tmp_path / "law.png", law=True, x="a", y="b")
@@ -165,7 +165,7 @@ def test_faults_are_one_line(study: tcstudy.Study, tmp_path: Path) -> None:
     with pytest.raises(tcstudy.UsageError, match="the study has a section path"):
         tcstudy.run(study, tmp_path / "none.nc", append=True)
     with pytest.raises(tcstudy.ConvergenceError, match="one level"):
-        tcstudy.converge(study.with_(mesh_levels=1), tmp_path / "none.nc")
+        tcstudy.converge(study.with_(path=None, mesh_levels=1), tmp_path / "none.nc")
     with pytest.raises(tcstudy.UsageError, match="cannot hold"):
         study.with_(title=object())
     with pytest.raises(tcstudy.UsageError, match="list of texts"):
