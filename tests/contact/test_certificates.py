@@ -23,7 +23,7 @@ from tcstudy.contact.certificates import (
     strict_minimum,
     value_range,
 )
-from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem
+from tcstudy.contact.problem import PROOF_MARGIN, CondensedBody, ContactProblem
 from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import tresca
@@ -193,7 +193,7 @@ def test_a_softening_node_on_its_plateau_has_a_certificate_in_closed_form() -> N
     assert proved.strict_minimum
     assert proved.global_minimum
     assert proved.residual == pytest.approx(error)
-    assert proved.energy_gap == pytest.approx(error**2 / (2.0 * MARGIN), rel=1e-6)
+    assert proved.energy_gap == pytest.approx(error**2 / (2.0 * PROOF_MARGIN), rel=1e-6)
     missed = certify(problem, np.array([0.8 + error]), tolerance=1e-9)
     assert missed.unique
     assert not missed.strict_minimum
@@ -292,20 +292,20 @@ def test_laws_by_node_leave_the_margin_of_their_own_slopes() -> None:
 
 
 def test_a_body_stiffer_by_less_than_the_margin_is_not_proved_convex() -> None:
-    """ω = 5 against λ₁ = 5 (1 + ½ MARGIN) and 5 (1 + 2 MARGIN)."""
+    """ω = 5 against λ₁ = 5 (1 + ½ PROOF_MARGIN) and 5 (1 + 2 PROOF_MARGIN)."""
     for share, is_convex in ((0.5, False), (2.0, True)):
-        stiffness = np.array([[5.0 * (1.0 + share * MARGIN)]])
+        stiffness = np.array([[5.0 * (1.0 + share * PROOF_MARGIN)]])
         problem = ContactProblem(stiffness, np.zeros(1), np.ones(1), cases.slip_weakening())
         assert certify(problem, np.zeros(1)).convex == is_convex
 
 
 @pytest.mark.parametrize("error", [0.0, 0.1])
 def test_proofs_hold_for_a_body_softer_by_its_error_and_the_margin(error: float) -> None:
-    """Ã + C (slope − μ)/(1 − error) ≻ 0 to eight digits, μ = MARGIN λ₁; a sliding node likewise."""
+    """Ã + C (slope − μ)/(1 − error) ≻ 0 to eight digits, μ = PROOF_MARGIN λ₁; a sliding node likewise."""
     c = np.array([1.0, 2.0])
     problem = ContactProblem(TWO_NODES, np.zeros(2), c, tresca(0.5), A_error=error)
     body = CondensedBody.of(TWO_NODES, c, error)
-    lambda_1, share = problem.lambda_1, 1.0 - error - MARGIN
+    lambda_1, share = problem.lambda_1, 1.0 - error - PROOF_MARGIN
     for ratio, is_proved in ((1.0 - 1e-8, True), (1.0 + 1e-8, False)):
         slope = np.full(2, -ratio * share * lambda_1)
         assert positive_definite(problem, slope, lambda_1) == is_proved
