@@ -293,13 +293,31 @@ class Traction(Loaded):
     word = "traction"
 
 
+Normal = Literal["held", "free", "unilateral", "adhesive"]
+"""What a contact edge does along its normal: u_N = 0, S_N = 0, u_N ≤ 0, or S_N ∈ b̂_N(−u_N)."""
+
+
 @dataclass(frozen=True)
 class Contact(Role):
-    """Γ_C: u_N = 0 and −S_T ∈ b̂(u_T), eq. (4)."""
+    """Γ_C: −S_T ∈ b̂(u_T), eq. (4), and along the normal what `normal` says.
+
+    normal: "held", where u_N = 0; the edge has no u_N of its own to find. "free", "unilateral",
+            or "adhesive" by a law of `Scene.adhesion`; then u holds nothing
+    """
 
     word = "contact"
     u: Given = field(default=(0.0, None), kw_only=True)
     frame: Literal["xy", "nt"] = field(default="nt", kw_only=True)
+    normal: Normal = field(default="held", kw_only=True)
+
+    def __post_init__(self) -> None:
+        u_N = 0.0 if self.normal == "held" else None
+        object.__setattr__(self, "u", (u_N, None))
+
+    @property
+    def opens(self) -> bool:
+        """Whether the edge may lift off: a law or a constraint of one side decides u_N."""
+        return self.normal in ("unilateral", "adhesive")
 
 
 @dataclass(frozen=True)
@@ -438,6 +456,7 @@ class Heat:
 class Scene:
     """One complete problem: every number of one sweep point.
 
+    adhesion: laws b_N of the opening s_N = −u_N ≥ 0 of the edges whose `normal` is "adhesive"
     load, unscaled: the factor by which the mechanical loads of another scene were multiplied, and
     that scene
     """
@@ -450,6 +469,12 @@ class Scene:
     friction: Laws | EdgeLaws
     load: float = 1.0
     unscaled: Scene | None = None
+    adhesion: Laws | EdgeLaws | None = None
+
+    @property
+    def opens(self) -> bool:
+        """Whether a contact edge may lift off the foundation."""
+        return any(isinstance(role, Contact) and role.opens for _, role in self.boundary)
 
     @property
     def pieces(self) -> tuple[tuple[Where, Material], ...]:
