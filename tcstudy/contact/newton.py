@@ -300,7 +300,7 @@ class _Systems:
 def _solve_stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
     """Return (R, m) x with (M + diag) x = rhs on the masked nodes of each row.
 
-    Systems of similar size go to LAPACK in one stack.
+    Systems of similar size go to LAPACK in one stack. x is 0 where a system is singular.
     """
     x = np.zeros(mask.shape)
     size = np.count_nonzero(mask, axis=1)
@@ -316,9 +316,20 @@ def _solve_stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
         added = np.where(valid, np.take_along_axis(diagonal[rows], nodes, 1), 1.0)
         np.einsum("rii->ri", stack)[...] += added
         right = np.where(valid, np.take_along_axis(rhs[rows], nodes, 1), 0.0)
-        solution = np.linalg.solve(stack, right[..., None])[..., 0]
+        solution = _solve_regular(stack, right)
         x[rows[:, None], nodes] = np.where(valid, solution, 0.0)
     return x
+
+
+def _solve_regular(stack: Array, rhs: Array) -> Array:
+    """Return (R, n) the solutions of systems, 0 of those that are singular."""
+    try:
+        return np.asarray(np.linalg.solve(stack, rhs[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        if len(stack) == 1:  # the law softens by as much as the body is stiff
+            return np.zeros(rhs.shape)
+    alone = [_solve_regular(stack[[row]], rhs[[row]]) for row in range(len(stack))]
+    return np.concatenate(alone)
 
 
 def _solve_positive(matrix: Array, rhs: Array) -> tuple[Array, int]:
@@ -338,7 +349,7 @@ def _solve_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted:
     if info == 0:
         return x
     if trusted:
-        return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
+        return _solve_regular(with_diagonal(body.A_tilde, free, k)[None], rhs[None])[0]
     lifted = np.maximum(k, 0.0)
     # if only friction holds the body, and too little of it: a proximal step, which up-jumps stop
     proximal = lifted + _PROXIMAL * np.diagonal(body.A_tilde)[free]

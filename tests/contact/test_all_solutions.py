@@ -88,6 +88,18 @@ def test_a_fold_on_a_kink_and_a_singular_piece_are_undecided_and_never_counted()
     assert not all_solutions(ContactProblem(A, np.array([2.0]), c, falls)).complete
 
 
+def test_a_law_that_softens_by_as_much_as_the_body_is_stiff_has_a_list_without_a_claim() -> None:
+    """Its Newton's equations are singular: v₁ ∈ [0, 1] is not determined, v₂ = 1.5 is."""
+    falls = tcstudy.law(points=[(0, 2), (1, 1), (2, 1)])
+    problem = tcstudy.ContactProblem(np.eye(2), np.array([2.0, 2.5]), np.ones(2), falls)
+    found = tcstudy.all_solutions(problem)
+    assert not found.complete
+    assert len(found)
+    for v in found.v:
+        assert v[1] == pytest.approx(1.5)
+        assert problem.inclusion_residual(v) < 1e-10
+
+
 def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
     """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there
     would be empty. Where the corner is decided the solution is listed."""
