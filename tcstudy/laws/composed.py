@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.expressions.expression import Expression, value_of
-from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.laws import NONE, Laws, Made
 from tcstudy.laws.pieces import Array
-from tcstudy.laws.shapes import SHAPES
+from tcstudy.laws.shapes import SHAPES, one_sided
 
 
 def nodal(
@@ -39,7 +39,8 @@ def nodal(
 ) -> Laws:
     """Return the laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes.
 
-    It is one law for all where all nodes have the same.
+    It is one law for all where all nodes have the same. The strength factor of a one-sided law is of
+    s ≥ 0 alone, so that an unbonded node stays closed.
 
     laws:     the shared laws b, each one for all
     index:    (m,) which of them a node has
@@ -50,6 +51,7 @@ def nodal(
     finite.
     """
     law_of_node = np.asarray(index, dtype=np.intp)
+    is_one_sided = np.array([law.closing is not None for law in laws])
     m = law_of_node.shape
     beta = np.broadcast_to(np.asarray(strength, dtype=float), m)
     sigma = np.broadcast_to(np.asarray(stretch, dtype=float), m)
@@ -63,12 +65,19 @@ def nodal(
     first_equal = [first_equal_law.setdefault(law, k) for k, law in enumerate(laws)]
     vanishes = np.array([law.vanishes for law in laws])
     key = np.stack([np.array(first_equal, dtype=np.intp)[law_of_node], beta, sigma, a], axis=1)
-    key[(beta == 0.0) | vanishes[law_of_node]] = (-1.0, 1.0, 1.0, 1.0)
+    is_gap = (beta == 0.0) & ~is_one_sided[law_of_node]
+    key[is_gap | vanishes[law_of_node]] = (-1.0, 1.0, 1.0, 1.0)
     distinct_keys, row_of_node = np.unique(key, axis=0, return_inverse=True)
 
     distinct_laws = []
     for k, beta_k, sigma_k, a_k in distinct_keys.tolist():
-        distinct_laws.append(NONE if k < 0 else laws[int(k)].placed(beta_k, sigma_k, a_k))
+        if k < 0:
+            distinct_laws.append(NONE)
+        elif laws[int(k)].closing is None:
+            distinct_laws.append(laws[int(k)].placed(beta_k, sigma_k, a_k))
+        else:
+            strengthened = laws[int(k)].strengthened(beta_k)
+            distinct_laws.append(strengthened.placed(1.0, sigma_k, a_k))
     if len(distinct_laws) == 1:
         return distinct_laws[0]
     return Laws.of(distinct_laws, row_of_node.reshape(-1))
@@ -78,7 +87,7 @@ def total(first: Laws, second: Laws) -> Laws:
     """Return the law b' + b'' of two that have at most one exponential per piece.
 
     It has the kinks of both, and one where b″ of two exponentials changes its sign. The sum of odd
-    laws is odd to the bit.
+    laws is odd to the bit. That of a ray and a law is a ray.
     """
     laws = (first, second)
     inner_ends = np.union1d(first.kinks, second.kinks)
@@ -97,7 +106,19 @@ def total(first: Laws, second: Laws) -> Laws:
     columns = [np.array(column) for column in zip(*pieces, strict=True)]
     if not np.any(columns[5]):
         columns = columns[:5]
-    return Laws(name, np.array(left_ends[1:]), *columns)
+    # the pieces to the left of a ray are one
+    n_merged = max(0, int(np.count_nonzero(np.isneginf(columns[1]))) - 1)
+    columns = [column[n_merged:] for column in columns]
+    kinks = np.array(left_ends[1 + n_merged :])
+    return Laws(name, kinks, *columns, closing=_sum_of_closings(laws))
+
+
+def _sum_of_closings(laws: Sequence[Laws]) -> float | None:
+    """Return the closing of the sum of laws, None if it can be negative without a ray."""
+    closings = [law.closing for law in laws if law.closing is not None]
+    if math.inf in closings or len(closings) == len(laws):
+        return sum(closings)
+    return None
 
 
 def _sum_of_pieces(laws: Sequence[Laws], lower: float, upper: float) -> tuple[float, ...]:
@@ -289,6 +310,7 @@ def laws_along(
 
 
 POINTS = "points"
+CLOSING = "closing"
 _AGREE = 1e-9
 """Slopes and derivatives that differ by less than this, relative, count as one."""
 _STEP = 2.0**-400
@@ -390,7 +412,7 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
     """Return the derivatives of a law by one of its numbers.
 
     parameter: a parameter of its shape, a point as `number_of` names it, or "strength", a factor of
-               b
+               b, or "closing", the finite one of a one-sided law
 
     Raises KeyError if it has no such parameter, or if its definition is not known.
     """
@@ -401,6 +423,8 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
     strength: Any = made.strength
     if parameter == "strength":
         strength = stepped(made.strength)
+    elif parameter == CLOSING and made.closing is not None and np.isfinite(made.closing):
+        pass  # varied with the law itself
     elif parameter.startswith(f"{POINTS}."):
         number = point_of(law, parameter)
         points = [(s, np.complex128(b)) for s, b in values[POINTS]]
@@ -414,11 +438,25 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
         if not isinstance(values[parameter], float):
             raise KeyError(parameter)
         values[parameter] = stepped(values[parameter])
+    if made.closing is not None:
+        return LawSlopes(law, _varied_one_sided(made, values, strength, parameter))
     varied = SHAPES[made.shape].builder(**values)
     b_0 = varied.b_0 * strength
     q = varied.q * strength
     a = varied.a * strength
     return LawSlopes(law, replace(varied, b_0=b_0, q=q, a=a))
+
+
+def _varied_one_sided(made: Made, values: dict[str, Any], strength: Any, parameter: str) -> Laws:
+    """Return the one-sided law of p + ih.
+
+    parameter: p, which may be the closing itself where it is finite
+    """
+    closing: Any = made.closing
+    if parameter == CLOSING:
+        closing = stepped(closing)
+    virgin = SHAPES[made.shape].builder(**values) if made.shape else NONE
+    return one_sided(virgin, closing).strengthened(strength)
 
 
 # -- straight pieces in place of exponential ones
@@ -476,7 +514,8 @@ def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
     s_0, b_0, slope = (np.array(column) for column in zip(*sides, strict=True))
     zero = np.zeros(len(slope))
     name = f"{law.name}, piecewise linear"
-    return Laws(name, np.array(kinks[:-1]), s_0, b_0, slope, zero, zero)
+    inner = np.array(kinks[:-1])
+    return Laws(name, inner, s_0, b_0, slope, zero, zero, closing=law.closing)
 
 
 def _sides(

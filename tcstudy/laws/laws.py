@@ -20,11 +20,15 @@ MAX_SLIPS_AT_ONCE = 1_000
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """The definition of a law: its shape, the values of all parameters, and a factor of b."""
+    """The definition of a law: its shape, the values of all parameters, and a factor of b.
+
+    closing: of a one-sided law, as of `Laws`
+    """
 
     shape: str
     values: dict[str, Any]
     strength: float = 1.0
+    closing: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +40,13 @@ class Laws(LawPieces):
     index: which law a slip has: of one law for all () with arrays (K,); of L laws (m,), (R, 1) or
            (R, m) with arrays (L, K)
     made:  the definition of a law, None if it is not known; it does not count for equality
+    closing: stiffness of a one-sided law for s < 0, ∞ for a ray, which no strength factor changes;
+           None for a law of slip in either direction (`shapes.one_sided`) [Pa/m]
     """
 
     index: Index = field(default_factory=lambda: np.zeros((), dtype=np.intp), kw_only=True)
     made: Made | None = field(default=None, repr=False, kw_only=True)
+    closing: float | None = field(default=None, repr=False, kw_only=True)
 
     @classmethod
     def of(cls, laws: Sequence[Laws], index: ArrayLike = 0) -> Laws:
@@ -87,6 +94,7 @@ class Laws(LawPieces):
         return (
             isinstance(other, Laws)
             and self._bytes == other._bytes
+            and self.closing == other.closing
             and np.array_equal(self.index, other.index)
         )
 
@@ -329,16 +337,56 @@ class Laws(LawPieces):
         columns = [s_0, self.b_0 * strength, self.q * strength * rate]
         for amplitude, decay_rate in zip(self.pieces[3::2], self.pieces[4::2], strict=True):
             columns += [amplitude * strength, decay_rate * rate]
-        return Laws(self.name, kinks[is_kept[1:]], *(column[is_kept] for column in columns))
+        closing = None if self.closing is None else self.closing * strength / stretch
+        columns = [column[is_kept] for column in columns]
+        return Laws(self.name, kinks[is_kept[1:]], *columns, closing=closing)
+
+    def strengthened(self, strength: Any) -> Laws:
+        """Return the law `strength` × b, of a one-sided law for s ≥ 0 alone.
+
+        strength: ≥ 0, or complex in derivatives
+        """
+        if self.closing is None:
+            return self.placed(strength) if strength != 0.0 else NONE
+        columns = list(self.pieces)
+        for k in (1, 2, 3, 5)[: 3 if self.a_2 is None else 4]:  # b_0, q and the amplitudes
+            columns[k] = np.append(columns[k][:1], columns[k][1:] * strength)
+        kinks = self.kinks
+        if strength == 0.0:
+            kinks = kinks[:1]
+            columns = [column[:2] for column in columns]
+        return Laws(self.name, kinks, *columns, closing=self.closing)
 
     def times(self, strength: float) -> Laws:
-        """Return the law `strength` × b, b ≡ 0 for 0."""
-        if strength == 0.0:
+        """Return the law `strength` × b, b ≡ 0 for 0; of a one-sided law for s ≥ 0 alone."""
+        if strength == 0.0 and self.closing is None:
             return NONE
         made = self.made
         if made is not None:
             made = replace(made, strength=strength * made.strength)
-        return replace(self.placed(strength), made=made)
+        return replace(self.strengthened(strength), made=made)
+
+    def admissible(self, s: Array) -> Array:
+        """Return slips (shape of s) with those beyond a ray put on it."""
+        if not self.has_rays:
+            return s
+        ends = np.where(self.closed, self.kinks[..., 0], -np.inf)
+        return np.maximum(s, self._used(ends))
+
+    @Fact
+    def without_rays(self) -> Laws:
+        """The laws whose limit b(s_1 + 0) at a ray goes on to the left in its place.
+
+        It is for what is asked of b beside a ray. The laws themselves where there is none.
+        """
+        if not self.has_rays:
+            return self
+        b_0 = self.b_0.copy()
+        s_0 = self.s_0.copy()
+        b_0[..., 0] = np.where(self.closed, self.b_right[..., 0], b_0[..., 0])
+        s_0[..., 0] = np.where(self.closed, self.kinks[..., 0], s_0[..., 0])
+        laws = Laws(self.name, self.kinks, s_0, b_0, *self.pieces[2:])
+        return laws.at(self.index)
 
     @Fact
     def _narrow(self) -> Flags:

@@ -20,6 +20,10 @@ Many laws are padded tables, one row per law. An index says which of them a node
 has. A piece is named by its address, law·(K+1) + piece, so that values of a thousand laws cost as
 much as values of one. A kink has the address of the piece to its left. The numbers may be complex,
 with a derivative in their imaginary parts (`composed`).
+
+Ray: a closed law is of slips that cannot be below its first kink, b̂(s_1) = (−∞, b(s_1 + 0)], as of
+an opening under non-penetration. The piece to the left of that kink has b_0 = −∞ and no slope: no
+slip of a solution is on it, j is +∞ there, and no scale, slope or growth of the law knows it.
 """
 
 from __future__ import annotations
@@ -145,6 +149,26 @@ class LawPieces:
         return (self.name, self.kinks.shape, *contents)
 
     @Fact
+    def outside(self) -> Flags:
+        """(…, K+1) pieces to the left of a ray, where there is no b."""
+        return np.isneginf(np.real(self.b_0))
+
+    @Fact
+    def closed(self) -> Flags:
+        """(…) laws whose first kink is the left end of their domain: b̂ reaches to −∞ there."""
+        return np.asarray(self.outside[..., 0])
+
+    @Fact
+    def has_rays(self) -> bool:
+        """Whether some law is closed."""
+        return bool(np.any(self.closed))
+
+    @Fact
+    def _levels(self) -> Array:
+        """(…, K+1) |b_0|; −∞ is exact, and counts as 0."""
+        return np.where(self.outside, 0.0, np.abs(self.b_0))
+
+    @Fact
     def exponentials(self) -> tuple[tuple[Array, Array], ...]:
         """(a, r) of the exponentials that some piece has."""
         pairs = [(self.a, self.r)]
@@ -257,7 +281,8 @@ class LawPieces:
         for ends in (self.lower, self.upper):
             is_finite = np.isfinite(ends)
             s = np.where(is_finite, ends, self.s_0)
-            slopes.append(np.where(is_finite, self.slope(s, self.addresses), self.q))
+            slope = np.where(is_finite, self.slope(s, self.addresses), self.q)
+            slopes.append(np.where(self.outside, np.inf, slope))
         return np.stack(slopes)
 
     @Fact
@@ -305,12 +330,16 @@ class LawPieces:
 
     @Fact
     def scales(self) -> Array:
-        """(…) largest |b| at the kinks and, where bounded, at infinity; 0 without either [Pa]."""
+        """(…) largest |b| at the kinks and, where bounded, at infinity; 0 without either [Pa].
+
+        A ray is left out.
+        """
         limits = []
         for k in (0, -1):
             is_bounded = self.q[..., k] == 0.0
-            limits.append(np.where(is_bounded, np.abs(self.b_0[..., k]), 0.0)[..., None])
-        b = np.concatenate([self.b_left, self.b_right, *limits], axis=-1)
+            limits.append(np.where(is_bounded, self._levels[..., k], 0.0)[..., None])
+        b_left = np.where(self.outside[..., :-1], 0.0, self.b_left)
+        b = np.concatenate([b_left, self.b_right, *limits], axis=-1)
         return np.asarray(np.max(np.abs(b), axis=-1))
 
     def value(self, s: Slips, piece: Index | int) -> Array:
@@ -329,7 +358,7 @@ class LawPieces:
     def terms(self, s: Array, piece: Index) -> Array:
         """Return the sum of the magnitudes of the terms of b, the scale of its rounding [Pa]."""
         distance = s - self.s_0.take(piece)
-        magnitude = np.abs(self.b_0.take(piece)) + np.abs(self.q.take(piece) * distance)
+        magnitude = self._levels.take(piece) + np.abs(self.q.take(piece) * distance)
         for a, r in self.exponentials:
             decay = np.abs(_decay(a, r, distance, piece))
             magnitude += decay * (1.0 + np.abs(r.take(piece) * distance))
@@ -422,7 +451,8 @@ class LawPieces:
         is_right = np.real(self.upper) > 0.0
         x = np.where(is_inner, self.lower, 0.0)
         y = np.where(is_inner, self.upper, 0.0)
-        integral = np.where(is_inner, self.piece_integral(self.addresses, x, y), 0.0)
+        with np.errstate(invalid="ignore"):  # to the left of a ray
+            integral = np.where(is_inner, self.piece_integral(self.addresses, x, y), 0.0)
         right = np.cumsum(np.where(is_right, integral, 0.0), axis=-1)
         left = np.cumsum(np.where(is_right, 0.0, integral)[..., ::-1], axis=-1)[..., ::-1]
         none = np.zeros((*integral.shape[:-1], 1))
@@ -433,15 +463,18 @@ class LawPieces:
     def check_growth(self) -> None:
         """Raise GrowthError unless (15) and (16) hold.
 
-        They say that b eventually opposes slip and grows at most linearly.
+        They say that b eventually opposes slip and grows at most linearly. A ray does so at −∞.
         """
-        if not all(np.all(np.isfinite(column)) for column in (self.kinks, *self.pieces)):
+        columns = (self.kinks, *self.pieces, self._levels)
+        is_finite = [np.all(np.isfinite(column)) for column in columns if column is not self.b_0]
+        if not all(is_finite):
             raise GrowthError(
                 "the law has a value that is not finite, so |b(s)| ≤ C(1+|s|), eq. (16), fails"
             )
         if np.any(np.diff(self.kinks) <= 0):
             raise GrowthError("the kinks of the law are not in increasing order of slip")
-        for piece, sign, side in ((-1, 1.0, "s → +∞"), (0, -1.0, "s → −∞")):
+        sides = [(-1, 1.0, "s → +∞"), (0, -1.0, "s → −∞")]
+        for piece, sign, side in sides[: 1 if self.has_rays else 2]:
             b_0 = sign * self.b_0[piece]
             q = self.q[piece]
             tails = [

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from tcstudy.laws.laws import Laws, Made
+from tcstudy.laws.laws import NONE, Laws, Made
 
 MAX_TEETH = 10_000
 ROUNDING = 2 * float(np.finfo(float).eps)
@@ -536,3 +536,46 @@ def _line(start: _Vertex, end: _Vertex) -> _Piece:
 def linear(k: float) -> Laws:
     """b = k s, a spring"""
     return _law("linear", [], [_Piece(0.0, 0.0, k)])
+
+
+# -- one-sided laws, of an opening
+#
+# Kinks and pieces are made of those for s > 0 of a law of slip; the piece before them is the closing.
+
+RIGID = math.inf
+"""The closing of surfaces that cannot penetrate each other."""
+
+
+def one_sided(law: Laws, closing: float = RIGID) -> Laws:
+    """Return the law of an opening s: b(s) for s > 0, and what closes the surfaces for s < 0.
+
+    law:     a law of slip, one for all, of which nothing but its values for s > 0 is taken
+    closing: RIGID for non-penetration, a ray b̂(0) = (−∞, b(0+)]; or the stiffness of a layer that
+             gives way, b = closing × s for s < 0 [Pa/m]
+
+    A strength factor (`Laws.times`, `composed.nodal`) is of b for s > 0 alone. Raises LawError for a
+    closing that is not positive.
+    """
+    if not law.one:
+        return law.mapped(lambda single: one_sided(single, closing))
+    if not np.real(closing) > 0.0:
+        message = f"must be rigid or a stiffness above 0, not {closing:g}"
+        raise LawError("closing", message)
+    is_rigid = bool(np.isposinf(np.real(closing)))
+    opens = np.real(law.upper) > 0.0
+    before = _Piece(0.0, -math.inf) if is_rigid else _Piece(0.0, 0.0, closing)
+    numbers = [*before, 0.0, 0.0]
+    columns = []
+    for number, column in zip(numbers, law.pieces, strict=False):
+        columns.append(np.append(number, column[opens]))
+    kinks = np.append(0.0, law.kinks[np.real(law.kinks) > 0.0])
+    made = law.made
+    if made is not None:
+        made = replace(made, closing=closing)
+    name = f"{law.name}, one-sided"
+    return Laws(name, kinks, *columns, made=made, closing=closing)
+
+
+def unilateral() -> Laws:
+    """Return the law of contact without adhesion: b̂(0) = (−∞, 0], b = 0 for s > 0."""
+    return replace(one_sided(NONE), name="unilateral", made=Made("", {}, closing=RIGID))
