@@ -39,8 +39,8 @@ def nodal(
 ) -> Laws:
     """Return the laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes.
 
-    It is one law for all where all nodes have the same. The strength factor of a one-sided law is of
-    s ≥ 0 alone, so that an unbonded node stays closed.
+    It is one law for all where all nodes have the same. The strength factor of a one-sided law is
+    of s ≥ 0 alone, so that an unbonded node stays closed.
 
     laws:     the shared laws b, each one for all
     index:    (m,) which of them a node has
@@ -447,15 +447,17 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
     return LawSlopes(law, replace(varied, b_0=b_0, q=q, a=a))
 
 
-def _varied_one_sided(made: Made, values: dict[str, Any], strength: Any, parameter: str) -> Laws:
+def _varied_one_sided(
+    definition: Made, values: dict[str, Any], strength: Any, parameter: str
+) -> Laws:
     """Return the one-sided law of p + ih.
 
     parameter: p, which may be the closing itself where it is finite
     """
-    closing: Any = made.closing
+    closing: Any = definition.closing
     if parameter == CLOSING:
         closing = stepped(closing)
-    virgin = SHAPES[made.shape].builder(**values) if made.shape else NONE
+    virgin = SHAPES[definition.shape].builder(**values) if definition.shape else NONE
     return one_sided(virgin, closing).strengthened(strength)
 
 

@@ -361,10 +361,10 @@ class Laws(LawPieces):
         """Return the law `strength` × b, b ≡ 0 for 0; of a one-sided law for s ≥ 0 alone."""
         if strength == 0.0 and self.closing is None:
             return NONE
-        made = self.made
-        if made is not None:
-            made = replace(made, strength=strength * made.strength)
-        return replace(self.strengthened(strength), made=made)
+        definition = self.made
+        if definition is not None:
+            definition = replace(definition, strength=strength * definition.strength)
+        return replace(self.strengthened(strength), made=definition)
 
     def admissible(self, s: Array) -> Array:
         """Return slips (shape of s) with those beyond a ray put on it."""

@@ -540,7 +540,7 @@ def linear(k: float) -> Laws:
 
 # -- one-sided laws, of an opening
 #
-# Kinks and pieces are made of those for s > 0 of a law of slip; the piece before them is the closing.
+# Kinks and pieces are made of those for s > 0 of a law of slip, with the closing before them.
 
 RIGID = math.inf
 """The closing of surfaces that cannot penetrate each other."""
@@ -553,8 +553,8 @@ def one_sided(law: Laws, closing: float = RIGID) -> Laws:
     closing: RIGID for non-penetration, a ray b̂(0) = (−∞, b(0+)]; or the stiffness of a layer that
              gives way, b = closing × s for s < 0 [Pa/m]
 
-    A strength factor (`Laws.times`, `composed.nodal`) is of b for s > 0 alone. Raises LawError for a
-    closing that is not positive.
+    A strength factor (`Laws.times`, `composed.nodal`) is of b for s > 0 alone. Raises LawError for
+    a closing that is not positive.
     """
     if not law.one:
         return law.mapped(lambda single: one_sided(single, closing))
@@ -569,11 +569,11 @@ def one_sided(law: Laws, closing: float = RIGID) -> Laws:
     for number, column in zip(numbers, law.pieces, strict=False):
         columns.append(np.append(number, column[opens]))
     kinks = np.append(0.0, law.kinks[np.real(law.kinks) > 0.0])
-    made = law.made
-    if made is not None:
-        made = replace(made, closing=closing)
+    definition = law.made
+    if definition is not None:
+        definition = replace(definition, closing=closing)
     name = f"{law.name}, one-sided"
-    return Laws(name, kinks, *columns, made=made, closing=closing)
+    return Laws(name, kinks, *columns, made=definition, closing=closing)
 
 
 def unilateral() -> Laws:

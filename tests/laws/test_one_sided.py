@@ -23,15 +23,19 @@ def test_an_opening_has_the_law_of_the_slip_and_no_penetration() -> None:
         np.testing.assert_array_equal(law.b(OPEN), base.b(OPEN))
         np.testing.assert_allclose(law.j(OPEN), base.j(OPEN), rtol=1e-14)
         low, high = law.interval(np.array([0.0, 0.002]))
-        assert low[0] == -np.inf and high[0] == base.b(0.0)
+        assert low[0] == -np.inf
+        assert high[0] == base.b(0.0)
         assert low[1] == high[1] == base.b(0.002)
         assert law.j(np.array([-1e-300]))[0] == np.inf
-        assert law.kinds[0] == UP and law.closed
+        assert law.kinds[0] == UP
+        assert law.closed
 
 
 def test_no_scale_slope_or_growth_knows_the_ray() -> None:
-    assert BOND.b_scale == 20.0 and BOND.omega == BILINEAR.omega
-    assert unilateral().b_scale == 0.0 and unilateral().omega == 0.0
+    assert BOND.b_scale == 20.0
+    assert BOND.omega == BILINEAR.omega
+    assert unilateral().b_scale == 0.0
+    assert unilateral().omega == 0.0
     assert not unilateral().vanishes
     np.testing.assert_array_equal(BOND.terms(np.zeros(1), BOND.piece(np.zeros(1), -1)), [0.0])
     for law in (BOND, DECAY, LAYER, unilateral(), one_sided(NONE, 5.0)):
@@ -55,7 +59,8 @@ def test_a_strength_is_of_the_bond_and_not_of_what_closes_it() -> None:
     laws = nodal([BOND, LAYER, NONE], [0, 0, 1, 1, 2], [0.5, 0.0, 0.5, 0.0, 1.0])
     np.testing.assert_allclose(laws.b(np.full(5, 0.004), -1), [10.0, 0.0, 10.0, 0.0, 0.0])
     np.testing.assert_allclose(laws.b(np.full(5, -0.01)), [-np.inf, -np.inf, -30.0, -30.0, 0.0])
-    assert BOND.times(0.0).closed and LAYER.times(0.0).b(-1.0) == -3e3
+    assert BOND.times(0.0).closed
+    assert LAYER.times(0.0).b(-1.0) == -3e3
     half = BOND.times(0.5)
     assert half.made is not None
     assert (half.made.strength, half.made.closing) == (0.5, np.inf)
@@ -63,7 +68,8 @@ def test_a_strength_is_of_the_bond_and_not_of_what_closes_it() -> None:
 
 def test_the_sum_of_a_ray_and_a_law_is_a_ray() -> None:
     for both in (total(BOND, BILINEAR), total(BILINEAR, BOND), total(BOND, unilateral())):
-        assert both.closed and both.kinks[0] == 0.0
+        assert both.closed
+        assert both.kinks[0] == 0.0
         assert both.j(np.array([-0.1]))[0] == np.inf
     np.testing.assert_allclose(total(BOND, BILINEAR).b(OPEN), 2.0 * BILINEAR.b(OPEN))
     assert not total(LAYER, BILINEAR).closed
@@ -82,7 +88,8 @@ def test_laws_with_and_without_rays_share_a_table() -> None:
 def test_straight_pieces_keep_the_ray() -> None:
     polygon = piecewise_linear(DECAY, 1e-3, 1.0)
     s = np.linspace(0.0, 1.0, 400)
-    assert polygon.closed and polygon.closing == np.inf
+    assert polygon.closed
+    assert polygon.closing == np.inf
     np.testing.assert_allclose(polygon.b(s), DECAY.b(s), atol=2.1e-3)
 
 
