@@ -349,11 +349,11 @@ def _constraints(
                     yield [0.0, 0.0, shift / size]
     for (x, y), normal in zip(piece.points, piece.normals, strict=True):
         xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
-        for d_x, d_y, _ in _components(role.frame, role.held, normal):
+        for d_x, d_y, _ in components(role.frame, role.held, normal):
             yield [d_x, d_y, d_y * xi - d_x * eta]
 
 
-def _components(
+def components(
     frame: str, u: tuple[Scalar | None, Scalar | None], normal: Array
 ) -> Iterator[tuple[float, float, Scalar]]:
     """Yield (d₁, d₂, value) of every component of u that is not None.
@@ -480,7 +480,7 @@ def _holds_along(role: Role, edge: Edge, corner: Point, normal: Array) -> bool:
     """Return whether an edge holds its corner against motion along a line with this normal."""
     if isinstance(role, Rigid):  # a rigid edge moves as a whole
         return False
-    directions = _components(role.frame, role.u, edge_normal(edge, np.array([corner]))[0])
+    directions = components(role.frame, role.u, edge_normal(edge, np.array([corner]))[0])
     along = (d_x * -normal[1] + d_y * normal[0] for d_x, d_y, _ in directions)
     return any(abs(part) > 1e-6 for part in along)
 
@@ -581,7 +581,7 @@ def _displacement_fault(
     rows = list[tuple[float, float, float]]()
     for edge, role in zip(edges, roles, strict=True):
         normal = edge_normal(edge, np.array([corner]))[0]
-        for d_1, d_2, value in _components(role.frame, role.u, normal):
+        for d_1, d_2, value in components(role.frame, role.u, normal):
             rows.append((d_1, d_2, float(value_of(value, *corner))))
     # an expression without a value is refused elsewhere
     if len(rows) < 2 or not np.all(np.isfinite(rows)):
@@ -645,28 +645,33 @@ def _first_below(scalar: Scalar, points: Array, least: float) -> str:
 
 
 def check_laws(
-    ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body
+    ctx: Context,
+    root: Node,
+    section: str,
+    laws: EdgeLaws,
+    boundary: Iterable[tuple[str, Role]],
+    body: Body,
 ) -> None:
     """Record contact edges without a law, laws of other edges, and negative strengths.
 
     Strengths are checked at sample points of the edges. A strength that is negative between them
-    fails its point.
+    fails its point. Without a law of its own an edge does not adhere.
     """
     contact = [name for name, role in boundary if isinstance(role, Contact)]
-    edges_with_law = [edge for edge, _, _ in friction.laws if edge]
+    edges_with_law = [edge for edge, _, _ in laws.laws if edge]
     misplaced = [edge for edge in edges_with_law if edge not in contact]
     for edge in misplaced:
         remedy = f"the contact edges are {', '.join(contact)}"
-        ctx.at(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
+        ctx.at(root.nearest(section, edge), f"{edge!r} is no contact edge", remedy)
     without_law = [edge for edge in contact if edge not in edges_with_law]
-    if edges_with_law and without_law and not misplaced:
+    if section == "friction" and edges_with_law and without_law and not misplaced:
         edge = without_law[0]
         remedy = f"add {edge}: {{law: ...}}; without friction {{law: linear, k: 0}}"
-        ctx.at(root.nearest("friction"), f"the contact edge {edge} has no law", remedy)
+        ctx.at(root.nearest(section), f"the contact edge {edge} has no law", remedy)
     if body.outline is None:
         return
-    for edge, _, strength in friction.laws:
-        path = ("friction", edge, "strength") if edge else ("friction", "strength")
+    for edge, _, strength in laws.laws:
+        path = (section, edge, "strength") if edge else (section, "strength")
         for name in contact:
             if edge not in ("", name):
                 continue

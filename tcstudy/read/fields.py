@@ -75,6 +75,8 @@ def elsewhere(key: str, path: str) -> str:
     if "." in path or "[" in path:
         return ""
     homes = [name for name in rows("") if name != path and key in rows(name)]
+    if path == "adhesion" and "friction" in homes:  # it has what laws of both directions have
+        homes.remove("friction")
     if homes:
         return f"{key} belongs in {' or '.join(homes)}"
     return f"{key} belongs at the top of the study" if path and key in rows("") else ""
@@ -404,6 +406,10 @@ class Context:
                 return self.integer(node, int(row.least or 0), most)
             case "component" if node.value == "free":
                 return None
+            case "number or word" if node.value in row.words:
+                return node.value
+            case "number or word":
+                return self._number_or_word(node, row, dimension)
             case "field" | "component":
                 return self.scalar(node, dimension, varies=True)
             case "choice by edge" if isinstance(node.value, Mapping):
@@ -443,6 +449,17 @@ class Context:
         inner_row = replace(row, kind=inner)
         first, second = dimensions
         return self.value(entries[0], inner_row, first), self.value(entries[1], inner_row, second)
+
+    def _number_or_word(self, node: Node, row: Key, dimension: Dimension) -> float:
+        """Return a number; a word that is no name of one is a fault."""
+        text = node.value
+        if not isinstance(text, str) or not WORD.fullmatch(text) or text in {*self.named, *self.unread}:
+            return self._bounded_number(node, row, dimension)
+        words = " or ".join(row.words)
+        example = self.example(row.suggestion)
+        fault = f"must be {words} or {dimension.name}, but is {node.kind()}"
+        self.at(node, fault, f"write {words}, or for example {example}")
+        return math.nan
 
     def _bounded_number(self, node: Node, row: Key, dimension: Dimension) -> float:
         value = self.quantity(node, dimension)

@@ -8,7 +8,7 @@ convection edge takes from the section the values that it does not give itself.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -22,7 +22,17 @@ from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
-from tcstudy.scene.keys import LOADED, MOVED, OF_ALL_LAWS, law_rows, of_role, row, rows
+from tcstudy.scene.keys import (
+    LOADED,
+    MOVED,
+    law_rows,
+    of_all_laws,
+    of_opening,
+    of_role,
+    parameter_names,
+    row,
+    rows,
+)
 from tcstudy.scene.records import (
     Boundary,
     Clamped,
@@ -55,14 +65,20 @@ MAX_RANDOM_POINTS = 400
 
 
 @none_after_fault
-def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Boundary:
+def read_boundary(
+    ctx: Context, node: Node, names: tuple[str, ...] | None, adhesive: Collection[str] = ()
+) -> Boundary:
     """Return the roles of all edges in the order of the study; None after a fault.
 
-    names: the edges of the body, each of which needs a role; None if they are not known
+    names:    the edges of the body, each of which needs a role; None if they are not known
+    adhesive: edges that open by a law of the section `adhesion`
     """
     remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
     items = ctx.mapping(node, "edges to roles", remedy, least=0)
     roles = {edge: _role(ctx, item) for edge, item in items.items()}
+    for edge in adhesive:
+        if isinstance(roles.get(edge), Contact):
+            roles[edge] = _adhesive(ctx, items[edge])
     if names is not None and isinstance(node.value, Mapping):
         _compare_edges(ctx, node, items, names)
     ctx.sound()
@@ -113,6 +129,8 @@ def _role(ctx: Context, node: Node) -> Role:
         fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
     values: dict[str, Any] = {"heat": read_edge_heat(ctx, fields, kind)}
     values |= fields.given({*Role.loads} - {*foreign})
+    if kind == "contact" and fields["normal"]:
+        values["normal"] = fields.value("normal")
     if any(isinstance(component, Expression) for component in values.get("force", ())):
         fault = "a resultant is one number in x and one in y"
         fields.fault("force", fault, "give g for a traction that varies along the edge")
@@ -131,6 +149,15 @@ def _role(ctx: Context, node: Node) -> Role:
     if kind in LOADED and fields["spring"] is not None:
         values["spring"] = _spring(ctx, fields["spring"])
     return ROLE_RECORDS[kind](**values)
+
+
+def _adhesive(ctx: Context, node: Node) -> Contact:
+    """Return the role of an edge that opens by a law; it is a fault if it gives `normal` too."""
+    if normal := node.at("normal"):
+        fault = "adhesion has a law for this edge, which decides what it does along its normal"
+        remedy = "leave out normal, or name other edges: adhesion: {EDGE: {law: ...}}"
+        ctx.at(normal, fault, remedy)
+    return Contact(normal="adhesive")
 
 
 def _spring(ctx: Context, node: Node) -> tuple[Any, Any]:
@@ -263,21 +290,88 @@ def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
 
 
 def laws_by_edge(node: Node | None) -> dict[str, Node]:
-    """Return the laws of the section `friction` by edge; empty if it is one law."""
+    """Return the laws of a section of laws by edge; empty if it is one law."""
     if not node or node.at("law"):
         return {}
     laws = dict(node.children)
     return laws if any(isinstance(law.value, Mapping) for law in laws.values()) else {}
 
 
+NO_SHEAR = SHAPES["linear"].build(k=0.0)
+"""The friction of an edge that opens and has no law."""
+
+
+def with_no_shear(friction: Laws | EdgeLaws | None, opening: Collection[str]) -> Laws | EdgeLaws:
+    """Return the friction with a law that vanishes for edges that open and have none.
+
+    friction: None where the study has no such section
+    """
+    if friction is None:
+        return NO_SHEAR
+    if isinstance(friction, Laws):
+        return friction
+    edges = {edge for edge, _, _ in friction.laws}
+    without_law = [] if "" in edges else [edge for edge in opening if edge not in edges]
+    return EdgeLaws((*friction.laws, *((edge, NO_SHEAR, 1.0) for edge in without_law)))
+
+
+def contact_edges(root: Node) -> list[str]:
+    """Return the edges that a study names contact, as its text has them."""
+    roles = root.at("boundary")
+    contact = list[str]()
+    for name, role in roles.children.items() if roles else ():
+        word = (role.at("role") or role).value
+        if "contact" in (role.value, word):
+            contact.append(name)
+    return contact
+
+
+def adhesive_edges(root: Node) -> tuple[str, ...]:
+    """Return the contact edges that have a law in the section `adhesion`, by the text."""
+    section = root.at("adhesion")
+    if section is None:
+        return ()
+    by_edge = laws_by_edge(section)
+    return tuple(edge for edge in contact_edges(root) if not by_edge or edge in by_edge)
+
+
+def opening_edges(root: Node) -> tuple[str, ...]:
+    """Return the contact edges that may lift off the foundation, by the text of the study."""
+    adhesive = adhesive_edges(root)
+    opening = list[str]()
+    for edge in contact_edges(root):
+        normal = root.at("boundary", edge, "normal")
+        if edge in adhesive or (normal and normal.value == "unilateral"):
+            opening.append(edge)
+    return tuple(opening)
+
+
+def not_held(root: Node) -> tuple[Node, ...]:
+    """Return the places at which a study lets contact edges move along their normals."""
+    places = [root.nearest("adhesion")] if adhesive_edges(root) else []
+    for edge in contact_edges(root):
+        normal = root.at("boundary", edge, "normal")
+        if normal is not None and normal.value != "held":
+            places.append(normal)
+    return tuple(places)
+
+
+def has_no_friction(root: Node) -> bool:
+    """Return whether a study may leave out friction: all its contact edges may lift off."""
+    contact = contact_edges(root)
+    return bool(contact) and set(contact) == set(opening_edges(root))
+
+
 @none_after_fault
-def read_friction(ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]]) -> Laws | EdgeLaws:
-    """Return the friction law, or the laws of the contact edges; None after a fault.
+def read_laws(
+    ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]], section: str = "friction"
+) -> Laws | EdgeLaws:
+    """Return the law of a section, or the laws of the contact edges; None after a fault.
 
     lines: of each contact edge, and of all by the name "", for strengths that are random along them
     """
     nodes = laws_by_edge(node) or {"": node}
-    laws = {edge: _law(ctx, item, lines.get(edge, ())) for edge, item in nodes.items()}
+    laws = {edge: _law(ctx, item, lines.get(edge, ()), section) for edge, item in nodes.items()}
     ctx.sound()
     edge_laws = tuple((edge, *law) for edge, law in laws.items() if law is not None)
     edge, law, strength = edge_laws[0]
@@ -308,14 +402,14 @@ def _random_strength(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expr
 
 
 @none_after_fault
-def _law(ctx: Context, node: Node, line: Sequence[Edge]) -> tuple[Laws, Scalar]:
+def _law(ctx: Context, node: Node, line: Sequence[Edge], section: str) -> tuple[Laws, Scalar]:
     """Return the law of an edge and the factor of its strength that varies along the edge."""
-    name = word_of(ctx, node, "friction", "law")
+    name = word_of(ctx, node, section, "law")
     ctx.sound()
-    common_keys = ("law", *OF_ALL_LAWS)
-    law_keys = (*(row("friction", key) for key in common_keys), *law_rows(name))
+    common_keys = ("law", *of_all_laws(section))
+    law_keys = (*(row(section, key) for key in common_keys), *law_rows(name, section))
     fields = Fields(ctx, node, {key.name: key for key in law_keys})
-    shape = SHAPES[name]
+    names = parameter_names(name, section)
     values = fields.given()
     strength = fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
@@ -324,17 +418,26 @@ def _law(ctx: Context, node: Node, line: Sequence[Edge]) -> tuple[Laws, Scalar]:
     ctx.sound()
     if fields["scatter"]:
         strength = product(strength, _random_strength(ctx, fields, line))
+    of_shape = {names[key]: value for key, value in values.items() if key in names}
+    law = _built(fields, name, of_shape, section)
+    if isinstance(strength, Expression):
+        return law, strength
+    return (law if strength == 1.0 else law.times(strength)), 1.0
+
+
+def _built(fields: Fields, name: str, values: Mapping[str, Any], section: str) -> Laws:
+    """Return a law of the slip; after a fault, in words of the section, raise Unsound."""
+    shape = SHAPES[name]
+    in_words = of_opening if section == "adhesion" else str
     try:
-        law = shape.build(**{key: values[key] for key in values if key not in common_keys})
-        if isinstance(strength, Expression):
-            return law, strength
-        return (law if strength == 1.0 else law.times(strength)), 1.0
+        return shape.build(**values)
     except LawError as error:
-        fault, _, remedy = error.message.partition("; ")
-        fields.fault(error.parameter, fault, remedy or f"the law {name}: {shape.summary}")
+        fault, _, remedy = in_words(error.message).partition("; ")
+        remedy = remedy or f"the law {name}: {in_words(shape.summary)}"
+        fields.fault(in_words(error.parameter), fault, remedy)
     except GrowthError as error:
-        remedy = "let the last values and slopes of b have the sign of the slip"
-        fields.fault("points", str(error), remedy)
+        remedy = in_words("let the last values and slopes of b have the sign of the slip")
+        fields.fault("points", in_words(str(error)), remedy)
     raise Unsound
 
 

@@ -27,15 +27,23 @@ from tcstudy.read.body import (
 )
 from tcstudy.read.document import Collector, Node, put, put_number, tree_of
 from tcstudy.read.fields import Context, read_parameters, users, words_in
+from tcstudy.read.opening import corner_faults
 from tcstudy.read.physics import (
+    adhesive_edges,
     check_heat,
+    contact_edges,
+    has_no_friction,
+    not_held,
+    opening_edges,
     read_boundary,
-    read_friction,
     read_heat,
+    read_laws,
     read_loads,
     read_materials,
+    with_no_shear,
 )
 from tcstudy.read.sweep import SECTIONS, Sweep
+from tcstudy.scene.keys import LAWS
 from tcstudy.scene.parameters import Keys, Number, numbers, path_scene
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Edge, Scene
@@ -107,6 +115,11 @@ class SceneReader:
             self.regions = tuple(region.name for region in self.body.regions)
             body = snapped(self.body) if self.regions else self.body
             self.body = body if check_shape(ctx, body, root) else None
+        self.adhesive = adhesive_edges(root)
+        self.opening = opening_edges(root)
+        self.not_held = not_held(root)
+        self.sections = tuple(s for s in SECTIONS if s != "adhesion" or root.at(s))
+        """Sections that have a record: every study has all, but for adhesion."""
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].path))
         self.touching = dict[str, list[int]]()
         for section in SECTIONS:
@@ -135,21 +148,24 @@ class SceneReader:
 
         After a fault there is only the scene of the base study, if that has no fault.
         """
-        base = {section: self.section(section, self.root) for section in SECTIONS}
+        base = {section: self.section(section, self.root) for section in self.sections}
         self._compare(self.root, base)
         if self.body is not None and None not in base.values():
             self.base = Scene(self.body, **_as_fields(base))
             self.scenes = (self.base,)
         if not self.sweep.axes:
             return
-        readings = {section: self._readings(section, base[section]) for section in SECTIONS}
+        readings = {s: self._readings(s, base[s]) for s in self.sections}
         records = {section: reading.records for section, reading in readings.items()}
         which = {section: reading.which for section, reading in readings.items()}
         records["body"] = [self.body]
         which["body"] = np.zeros_like(which["heat"])
+        if "adhesion" not in records:
+            records["adhesion"], which["adhesion"] = [None], which["body"]
         scenes = Scenes(_as_fields(records), _as_fields(which))
         self._compare_points(scenes, readings)
-        if not any(record is None for column in records.values() for record in column):
+        columns = [readings[section].records for section in self.sections]
+        if not any(record is None for column in columns for record in column):
             self.scenes = scenes
 
     def _readings(self, section: str, base: Any) -> _Readings:
@@ -245,36 +261,37 @@ class SceneReader:
             return read_loads(self.ctx, node)
         if section == "heat":
             return read_heat(self.ctx, node, self.regions)
+        if section == "friction" and node is None and has_no_friction(self.root):
+            return with_no_shear(None, self.opening)
         if root is None or node is None:
             return None
         if section == "material":
             return read_materials(self.ctx, node, root.at("materials"), self.regions)
-        if section == "friction":
-            return read_friction(self.ctx, node, self._contact_lines())
-        boundary = read_boundary(self.ctx, node, self.names)
+        if section in LAWS:
+            laws = read_laws(self.ctx, node, self._contact_lines(), section)
+            return with_no_shear(laws, self.opening) if laws and section == "friction" else laws
+        boundary = read_boundary(self.ctx, node, self.names, self.adhesive)
         if boundary and self.body:
             if not self.loose and (held := supports(boundary)) not in self.supports:
                 self.supports.add(held)
                 if fault := supports_fault(self.body, boundary):
                     self.ctx.at(node, *fault)
             check_boundary(self.ctx, node, self.body, boundary)
+            if self.not_held:
+                for edge, *sentences in corner_faults(self.body, boundary):
+                    self.ctx.at(node.nearest(edge), *sentences)
         return boundary
 
     def _contact_lines(self) -> dict[str, list[Edge]]:
         """Return the edges of an outline in contact, by name, and all by the name ""."""
-        roles = self.root.at("boundary")
         edges = self.body.edges if self.body and self.body.outline else ()
-        contact = list[str]()
-        for name, role in roles.children.items() if roles else ():
-            word = (role.at("role") or role).value
-            if "contact" in (role.value, word):
-                contact.append(name)
+        contact = contact_edges(self.root)
         lines = {name: [edge for edge in edges if edge.name == name] for name in contact}
         return lines | {"": [edge for edge in edges if edge.name in contact]}
 
     def _compare(self, root: Node, records: Mapping[str, Any]) -> None:
         """Record faults of sections that need the body, or each other."""
-        boundary, friction = records["boundary"], records["friction"]
+        boundary = records["boundary"]
         if self.body:
             for section in ("boundary", "loads", "heat"):
                 record = records[section]
@@ -282,8 +299,10 @@ class SceneReader:
                 if record is not None and id(record) not in self.finite:
                     self.finite.add(id(record))
                     check_finite(self.ctx, root, section, record, self.body)
-            if isinstance(friction, EdgeLaws) and boundary is not None:
-                check_laws(self.ctx, root, friction, boundary, self.body)
+            for section in LAWS:
+                laws = records.get(section)
+                if isinstance(laws, EdgeLaws) and boundary is not None:
+                    check_laws(self.ctx, root, section, laws, boundary, self.body)
         if all(records[section] is not None for section in THERMAL):
             check_heat(self.ctx, root, records["heat"], boundary, records["material"])
 
@@ -313,7 +332,7 @@ class SceneReader:
         outer_errors, outer_named = ctx.errors, ctx.named
         ctx.errors = errors = Collector()
         ctx.named = read_parameters(ctx, root.at("parameters"))
-        touched = [s for s in SECTIONS if any(self.touches(path, s) for path in values)]
+        touched = [s for s in self.sections if any(self.touches(path, s) for path in values)]
         records = {section: self.section(section, root) for section in touched}
         ctx.errors, ctx.named = outer_errors, outer_named
         if len(errors):

@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, LISTS_OR_ONE, PAIRS
-from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
+from tcstudy.scene.keys import LAWS, Key, of_all_laws, of_role, parameter_names, row, rows
 from tcstudy.scene.mesh_plan import PROVED, Quantity
 from tcstudy.scene.parameters import NUMBERS, SHORT, path_of, swept_row
 from tcstudy.scene.units import NONE
@@ -40,11 +40,12 @@ def schema() -> Schema:
     """Return the whole schema (draft 2020-12)."""
     definitions = {section: _section(section) for section in _sections()}
     roles = row("boundary", "role").words
-    laws = {law: tuple(key.name for key in law_rows(law)) for law in SHAPES}
     definitions["boundary"]["allOf"] = [_takes("role", role, of_role(role)) for role in roles]
-    definitions["friction"]["allOf"] = [
-        _takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()
-    ]
+    for section in LAWS:
+        definitions[section]["allOf"] = [
+            _takes("law", law, (*of_all_laws(section), *parameter_names(law, section)))
+            for law in SHAPES
+        ]
     shapes = ("outline", "rectangle", "file")
     definitions["body"]["oneOf"] = [{"required": [name]} for name in shapes]
     swept = _swept_properties()
@@ -73,7 +74,7 @@ def _sections() -> list[str]:
 
 def _swept_properties() -> dict[str, Schema]:
     """Return the names of parameters that a sweep may vary, with their meaning."""
-    laws = (f"friction.{key}" for key in rows("friction"))
+    laws = [f"{section}.{key}" for section in LAWS for key in rows(section)]
     words = dict.fromkeys((*SHORT.values(), *laws, "material", *SHORT))
     swept = dict[str, Schema]()
     for word in words:
@@ -182,7 +183,12 @@ def _sweep_points(key: Key) -> Schema:
     return {"anyOf": [_list(_sub_section(key), 1), count, TEXTS]}
 
 
-LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
+def _laws(key: Key) -> Schema:
+    law = _ref(key.of[0])
+    by_edge = _by_path(law) | {"not": {"required": ["law"]}}
+    return {"anyOf": [law, by_edge]}
+
+
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     **dict.fromkeys(NUMBERS, _number),
     "flag": lambda key: {"type": "boolean"},
@@ -199,7 +205,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "named sections": lambda key: _named(_sub_section(key)),
     "names": lambda key: {"anyOf": [TEXTS, _list(TEXTS, 1)]},
     "goal": lambda key: _goal(),
-    "law": lambda key: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
+    "law": _laws,
     "material": lambda key: _ref("material"),
     "sweep points": _sweep_points,
     "named numbers": lambda key: _named(VALUE, minProperties=1),

@@ -40,6 +40,8 @@ from tcstudy.read.document import (
 from tcstudy.read.fields import Context, Fields, none_after_fault, read_parameters, users, words_in
 from tcstudy.read.fit import read_fit, read_tests
 from tcstudy.read.loads import check_together, read_history, read_path, read_sensitivity
+from tcstudy.read.opening import check_opening
+from tcstudy.read.physics import has_no_friction
 from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, with_swept_keys
@@ -49,8 +51,6 @@ from tcstudy.scene.parameters import Keys as Place
 from tcstudy.scene.points import GEOMETRIC, Scenes
 from tcstudy.scene.records import Body, Convection, Scene
 from tcstudy.scene.study import Exact, Study, Variant
-
-REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 
 
 def read_study(
@@ -145,7 +145,7 @@ def _one_body(
     if root.at("exact"):
         root = without_loads(ctx, root, sweep)
     root = with_swept_keys(root, sweep)
-    Fields(ctx, root, "", REQUIRED)
+    Fields(ctx, root, "", _required(root))
     reader = SceneReader(ctx, root, sweep, loose=_has_friction_memory(root))
     reader.read()
     ctx.errors.point = ""
@@ -160,6 +160,9 @@ def _one_body(
     fit = None
     if root.at("fit") and not ctx.errors.problems:
         fit = read_fit(ctx, reader, mesh, history)
+    if reader.not_held:
+        check_opening(ctx, root, reader.not_held, mesh, solver, output)
+        mesh = mesh and replace(mesh, guarantee="none")
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (
@@ -187,6 +190,13 @@ def _one_body(
         scenes=scenes,
         units=ctx.units,
     )
+
+
+def _required(root: Node) -> tuple[str, ...]:
+    """Return the sections that a study cannot be without: friction, unless all of Γ_C opens."""
+    needs_friction = not has_no_friction(root)
+    names = (name for name, row in rows("").items() if row.required or name == "friction")
+    return tuple(name for name in names if name != "friction" or needs_friction)
 
 
 def _has_friction_memory(root: Node) -> bool:

@@ -33,13 +33,13 @@ from tcstudy.read.points import (
 )
 from tcstudy.scene.designs import DESIGNS, Design, Distribution, correlated, cube
 from tcstudy.scene.histories import short_names
-from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
+from tcstudy.scene.keys import LAWS, Key, of_all_laws, parameter_names, row, rows
 from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, Keys, path_of, swept_row
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import LENGTH, Dimension, common_unit
 
-SECTIONS = ("boundary", "material", "loads", "heat", "friction")
+SECTIONS = ("boundary", "material", "loads", "heat", *LAWS)
 """Sections of a scene beside the body."""
 MODES = row("sweep", "mode").words
 HEAD = re.compile(r"([^\s\[\]]+)\s*(?:\[(.+)\])?")
@@ -147,11 +147,12 @@ def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
         parameters = _parameters(ctx, root, items)
         axes = [_listed(ctx, root, key, item, p) for key, (item, p) in parameters.items()]
     _check_axes(ctx, node, axes, mode)
-    _check_law_parameters(ctx, axes, root.at("friction"))
+    for section in LAWS:
+        _check_law_parameters(ctx, axes, section, root.at(section))
     if len(ctx.errors) > before:
         return Sweep()
-    # of a boundary or a friction that is missing, the section is the fault, not its keys
-    missing = {section for section in ("boundary", "friction") if root.at(section) is None}
+    # of a boundary or a law that is missing, the section is the fault, not its keys
+    missing = {section for section in ("boundary", *LAWS) if root.at(section) is None}
     axes = [axis for axis in axes if axis.path[0] not in missing or axis.is_whole]
     if mode == "grid":
         axes = [axis.ascending() for axis in axes]
@@ -201,7 +202,7 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
             alike = [nearest(key, alike) or alike[0]]
         remedy = f"did you mean {' or '.join(map(repr, alike))}?"
     else:
-        words = [*SHORT, *names, "mode", "friction", "material"]
+        words = [*SHORT, *names, "mode", *LAWS, "material"]
         remedy = hint(key, words, "use a key path such as heat.alpha")
     ctx.at(item, fault, remedy, on_key=True)
     return None
@@ -209,11 +210,12 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
 
 def _meant_of_law(root: Node, path: Keys) -> str:
     """Return the parameter of the study's law that a misspelt path stands for; empty for none."""
-    law = root.at("friction", "law")
-    if path[0] != "friction" or law is None or law.value not in SHAPES:
+    section = path[0]
+    law = root.at(section, "law")
+    if section not in LAWS or law is None or law.value not in SHAPES:
         return ""
-    name = nearest(path[-1], [parameter.name for parameter in SHAPES[str(law.value)].parameters])
-    return f"friction.{name}" if name and len(path) == 2 else ""
+    name = nearest(path[-1], list(parameter_names(str(law.value), section)))
+    return f"{section}.{name}" if name and len(path) == 2 else ""
 
 
 def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
@@ -236,9 +238,9 @@ def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
         edge = edges.at(*path[1:2])
         if edge is None or path[2:3] == () or place[2] not in keys_of(edge):
             return None
-    friction = root.at("friction")
-    by_edge = laws_by_edge(friction)
-    law = (by_edge.get(path[1]) if path[1:] and by_edge else friction) or root
+    laws = root.at(section) if section in LAWS else None
+    by_edge = laws_by_edge(laws)
+    law = (by_edge.get(path[1]) if path[1:] and by_edge else laws) or root
     shape_node = law.at("law")
     shape = str(shape_node.value) if shape_node else ""
     row_at = swept_row(path, shape, by_edge)
@@ -261,9 +263,9 @@ def _known(ctx: Context, root: Node) -> list[str]:
     keys = {
         "boundary": [*rows("boundary"), *of_heat, *of_spring],
         "materials": rows("material"),
-        "friction": rows("friction"),
+        **{section: rows(section) for section in LAWS},
     }
-    paths = [f"friction.{key}" for key in keys["friction"]]
+    paths = [f"{section}.{key}" for section in LAWS for key in keys[section]]
     for section, keys_of_section in keys.items():
         node = root.at(section)
         for name in node.children if node else ():
@@ -336,7 +338,8 @@ def _axis(
     texts = tuple(value.text() for value in values)
     kind = p.row.kind
     labels: tuple[float | str, ...] = names or texts
-    if not names and kind in NUMBERS and not (kind == "component" and "free" in texts):
+    words = ("free",) if kind == "component" else p.row.words
+    if not names and kind in NUMBERS and not any(word in texts for word in words):
         varies = kind in ("field", "component")
         scalars = [ctx.scalar(value, p.row.dimension, varies=varies) for value in values]
         numbers = tuple(scalar for scalar in scalars if isinstance(scalar, float))
@@ -462,23 +465,25 @@ def _check_repeated(ctx: Context, nodes: Nodes, identities: Sequence[object], it
             seen.add(identity)
 
 
-def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | None) -> None:
-    """Record swept parameters that the law, or one of the swept laws, does not have."""
+def _check_law_parameters(
+    ctx: Context, axes: list[SweptAxis], section: str, laws: Node | None
+) -> None:
+    """Record swept parameters that the law of a section, or a swept one, does not have."""
     whole_values = {axis.path: axis.values for axis in axes if axis.is_whole}
     for axis in axes:
         *place, name = axis.path
-        if axis.path[0] != "friction" or axis.is_whole or name in OF_ALL_LAWS:
+        if axis.path[0] != section or axis.is_whole or name in of_all_laws(section):
             continue
-        base = friction.at(*place[1:]) if friction else None
+        base = laws.at(*place[1:]) if laws else None
         for node in whole_values.get(tuple(place), (base,) if base else ()):
             shape_node = node.at("law")
             shape = str(shape_node.value) if shape_node else ""
             if shape not in SHAPES:
                 continue
-            names = [parameter.name for parameter in SHAPES[shape].parameters]
+            names = parameter_names(shape, section)
             if name not in names:
-                laws = "{NAME: {law: ...}, ...}"
-                remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {laws}"
+                whole = "{NAME: {law: ...}, ...}"
+                remedy = f"it has {', '.join(names)}; sweep the whole law by {section}: {whole}"
                 fault = f"the law {shape} has no parameter {name!r}"
                 ctx.at(axis.node, fault, remedy, on_key=True)
                 break
@@ -497,7 +502,7 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
             fault = f"must be a mapping of names to {kind}s, but is {node.kind()}"
             if node.children:
                 fault = f"is a single {kind}, not a mapping of names to {kind}s"
-            record = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
+            record = p.row.example if kind == "law" else "{E: 210 GPa, nu: 0.3}"
             ctx.at(node, fault, ctx.example(f"write {{NAME: {record}, NAME: ...}}"))
     elif node.children and kind in NUMBERS:
         values = _spaced(ctx, node, p.row.dimension) or ()

@@ -6,19 +6,21 @@ import re
 
 GREEK = dict(
     zip(
-        ["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"],
-        "αβδλμνωτθ",
+        ["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "sigma", "tau", "theta"],
+        "αβδλμνωστθ",
         strict=True,
     )
 )
 """Letters that names spell out."""
 EDGE_COLUMN = re.compile(r"boundary_(\w+?)_((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)")
 """A column of what an edge has: the edge and its key."""
-PART_PATH = re.compile(r"(?:boundary|friction|materials)\.([^.]+)\.(?:heat\.|spring\.)?([^.]+)")
-"""Key paths of what an edge, the friction of an edge or a region has: its name and the key."""
+PART_PATH = re.compile(
+    r"(?:boundary|friction|adhesion|materials)\.([^.]+)\.(?:heat\.|spring\.)?([^.]+)"
+)
+"""Key paths of what an edge, a law of an edge or a region has: its name and the key."""
 LAW_POINT = re.compile(r"\bpoints[._](\d+)([._]s)?$")
 """Ends of names of a law's point: its number, and a mark where its slip is meant."""
-SECTION_COLUMN = re.compile(r"^(?:heat|friction|material|parameters)_(?=\w)")
+SECTION_COLUMN = re.compile(r"^(?:heat|friction|adhesion|material|parameters)_(?=\w)")
 """Sections that columns begin with and symbols leave out."""
 
 

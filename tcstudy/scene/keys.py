@@ -14,6 +14,7 @@ takes its heat transfer coefficient by itself, every other role a section `heat`
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, get_args
@@ -41,6 +42,7 @@ shape;
 flag or word: true, false or one of the words;
 one or more: of the words; words: a list of any; choice by edge: a word, or one for each contact
 edge;
+number or word: one of the words in place of a number;
 sweep points: a list of them, or their number;
 sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a
 sweep."""
@@ -124,6 +126,10 @@ LOADED = ("traction", "convection")
 """Roles that take a traction, a pressure and springs."""
 MOVED = ("clamped", "rigid")
 """Roles that take displacements in x and y."""
+NORMALS = ("held", "free", "unilateral")
+"""What a contact edge without adhesion may do along its normal."""
+RIGID = "rigid"
+"""The word for a foundation that does not give way where a bond is pressed."""
 
 
 _CONVECTIVE = ("convection",)
@@ -139,12 +145,32 @@ _BODY, _MATERIAL = "{rectangle: {width: 200 mm, height: 100 mm}}", "{E: 210 GPa,
 _EDGES = "{bottom: contact, left: clamped, top: free, right: free}"
 _HEAT = "{alpha: 100 W/(m^2*K), theta_bar: 20 K}"
 _LAW, _SIZE = "{law: tresca, tau: 20 MPa}", "{maxh: 10 mm}"
+_ADHESION = "{law: bilinear, sigma: 20 MPa, s0: 4 um, sf: 14 um}"
 MODES = ("grid", "zip", "list", *DESIGNS)
 _QUANTITIES = ("forces", "reactions", "section_force", "slip_bounds", "theta_edges", "von_mises")
 
 
 def _share(least: float) -> dict[str, Any]:
     return {"above": 0.0, "below": 1.0, "least": least}
+
+
+def _law_section(section: str, example: str) -> Iterator[Key]:
+    """Yield the rows of a section of laws that go with every law."""
+    yield needed(
+        f"{section}.law",
+        "choice",
+        "name of the law, whose parameters stand beside it",
+        example=example,
+        words=tuple(SHAPES),
+    )
+    gap = "factor of the law, 0 in a gap of the bond"
+    yield swept(f"{section}.strength", "field", gap, default=1.0, example="1")
+    scatter = "coefficient of variation of a random strength"
+    yield swept(f"{section}.scatter", "number", scatter, example="0.1", least=0.0)
+    length = "correlation length of the random strength"
+    yield swept(f"{section}.scatter_length", "number", length, u.LENGTH, "20 mm", above=0.0)
+    seed = "seed of the random strength"
+    yield swept(f"{section}.scatter_seed", "integer", seed, default=0, least=0)
 
 
 _LINES = "[{load: 0.5}, {load: 1}]"
@@ -200,12 +226,18 @@ ROWS: tuple[Key, ...] = (
         "[reference temperature](howto/edges.md#heat-an-edge)",
         example=_HEAT,
     ),
-    needed(
+    swept(
         "friction",
         "law",
-        "a law, or one for each contact edge: `{EDGE: {law: …}, …}`",
+        "a law, or one for each contact edge: `{EDGE: {law: …}, …}`; an edge that opens may have none",
         example=_LAW,
-        swept=True,
+    ),
+    swept(
+        "adhesion",
+        "law",
+        "[law of the opening](howto/opening.md), one for every contact edge, or by edge: "
+        "`{EDGE: {law: …}, …}`",
+        example=_ADHESION,
     ),
     needed(
         "mesh",
@@ -346,6 +378,14 @@ ROWS: tuple[Key, ...] = (
         u.MOMENT,
         roles=("rigid",),
     ),
+    key(
+        "boundary.normal",
+        "choice",
+        "`held`: u_N = 0; `free`: S_N = 0; `unilateral`: it may lift off, u_N ≤ 0",
+        words=NORMALS,
+        default=NORMALS[0],
+        roles=("contact",),
+    ),
     key("boundary.spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
     swept(
         "boundary.alpha",
@@ -403,36 +443,18 @@ ROWS: tuple[Key, ...] = (
     load("heat.q", "field", "heat source", u.HEAT_SOURCE, default=0.0),
     swept("heat.omega", "names", "where the source is: a region, or several (default: everywhere)"),
     load("heat.theta", "field", "known temperature of the whole body", u.TEMPERATURE),
-    needed(
-        "friction.law",
-        "choice",
-        "name of the law, whose parameters stand beside it",
-        example="tresca",
-        words=tuple(SHAPES),
-    ),
+    *_law_section("friction", "tresca"),
+    *_law_section("adhesion", "bilinear"),
     swept(
-        "friction.strength",
-        "field",
-        "factor of the law, 0 in a gap of the bond",
-        default=1.0,
-        example="1",
-    ),
-    swept(
-        "friction.scatter",
-        "number",
-        "coefficient of variation of a random strength",
-        example="0.1",
-        least=0.0,
-    ),
-    swept(
-        "friction.scatter_length",
-        "number",
-        "correlation length of the random strength",
-        u.LENGTH,
-        "20 mm",
+        "adhesion.closing",
+        "number or word",
+        "stiffness of the foundation where the bond is pressed",
+        u.STIFFNESS,
+        "200 GPa/m",
+        words=(RIGID,),
+        default=RIGID,
         above=0.0,
     ),
-    swept("friction.scatter_seed", "integer", "seed of the random strength", default=0, least=0),
     swept(
         "mesh.maxh",
         "sizes",
@@ -790,9 +812,25 @@ ROWS: tuple[Key, ...] = (
 """All keys but the parameters of laws, in the order in which they are shown."""
 
 
+LAWS = ("friction", "adhesion")
+"""Sections that hold laws, each one for all contact edges or one for each of several."""
+OPENING_WORDS = (
+    ("an odd law is given", "a law of the opening is given"),
+    (", or write odd: false and give b for all s", ""),
+    ("an odd law jumps at s = 0 between -b and b", "a law of the opening has one value at s = 0"),
+    ("friction opposes the slip", "an adhesive resists opening"),
+    ("of sticking", "of a closed bond"),
+    ("tau", "sigma"),
+    ("slip", "opening"),
+)
+"""Words of laws of the slip, each with the one for a law of the opening."""
+TWO_SIDED = ("odd", "slopes")
+"""Parameters of laws on both sides of s = 0, which laws of the opening are not."""
+
+
 @cache
 def _by_section() -> dict[str, dict[str, Key]]:
-    of_laws = [row for law in SHAPES for row in law_rows(law)]
+    of_laws = [row for section in LAWS for law in SHAPES for row in law_rows(law, section)]
     sections: dict[str, dict[str, Key]] = {}
     for row in (*ROWS, *of_laws):
         sections.setdefault(row.section, {}).setdefault(row.name, row)
@@ -803,19 +841,46 @@ OF_ALL_LAWS = ("strength", "scatter", "scatter_length", "scatter_seed")
 """Keys of the section `friction` that go with every law."""
 
 
+def of_all_laws(section: str) -> tuple[str, ...]:
+    """Return the keys of a section of laws that go with every law, beside the law itself."""
+    return (*OF_ALL_LAWS, "closing") if section == "adhesion" else OF_ALL_LAWS
+
+
+def of_opening(text: str) -> str:
+    """Return a text about a law of the slip, or the name of its parameter, for an opening."""
+    for slip_word, opening_word in OPENING_WORDS:
+        text = text.replace(slip_word, opening_word)
+    return text
+
+
 @cache
-def law_rows(law: str) -> tuple[Key, ...]:
-    """Return the rows of a law's parameters."""
+def parameter_names(law: str, section: str = "friction") -> dict[str, str]:
+    """Return the names of a law's parameters in a section, with those that its shape has.
+
+    Those of `adhesion` have sigma for tau and none of the side s < 0.
+    """
+    names = [parameter.name for parameter in SHAPES[law].parameters]
+    if section == "adhesion":
+        return {of_opening(name): name for name in names if name not in TWO_SIDED}
+    return {name: name for name in names}
+
+
+@cache
+def law_rows(law: str, section: str = "friction") -> tuple[Key, ...]:
+    """Return the rows of a law's parameters in a section."""
     dimensions = {dimension.si: dimension for dimension in u.DIMENSIONS}
+    parameters = {parameter.name: parameter for parameter in SHAPES[law].parameters}
     parameter_rows = []
-    for parameter in SHAPES[law].parameters:
+    for name, name_of_shape in parameter_names(law, section).items():
+        parameter = parameters[name_of_shape]
+        meaning = parameter.meaning
         parameter_row = Key(
-            parameter.name,
+            name,
             parameter.kind,
-            parameter.meaning,
+            of_opening(meaning) if section == "adhesion" else meaning,
             dimension=dimensions[parameter.dimension],
             example=parameter.example,
-            section="friction",
+            section=section,
             required=parameter.required,
             default=parameter.default,
             least=parameter.least,

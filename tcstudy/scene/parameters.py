@@ -14,7 +14,7 @@ from tcstudy.expressions.expression import Expression, product
 from tcstudy.laws.composed import POINTS, EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.keys import LOADED, Key, law_rows, row, rows
+from tcstudy.scene.keys import LAWS, LOADED, Key, law_rows, parameter_names, row, rows
 from tcstudy.scene.records import (
     Clamped,
     Convection,
@@ -32,7 +32,7 @@ Keys = tuple[str, ...]
 Place = tuple["str | int", ...]
 
 
-NUMBERS = ("number", "integer", "field", "component")
+NUMBERS = ("number", "integer", "field", "component", "number or word")
 """Kinds of keys whose values are numbers, or texts where they are none."""
 WHOLE: dict[str, tuple[str, ...]] = {"law": ("law",), "material": tuple(rows("material"))}
 """Kinds of keys that are sections whose values a sweep names, and keys of which each has one."""
@@ -60,10 +60,10 @@ def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | N
     words = list(path)
     while words:
         law_row = None
-        if section == "friction" and law in SHAPES:
-            law_row = next((row for row in law_rows(law) if row.name == words[0]), None)
+        if section in LAWS and law in SHAPES:
+            law_row = next((row for row in law_rows(law, section) if row.name == words[0]), None)
         row_at = law_row or rows(section).get(words[0])
-        by_edge = words.pop(0) == "friction" and bool(edges) and bool(words)
+        by_edge = words.pop(0) in LAWS and bool(edges) and bool(words)
         if row_at is None or (by_edge and words[0] not in edges):
             return None
         if words and (by_edge or row_at.kind == "named sections"):
@@ -76,13 +76,14 @@ def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | N
 
 SHORT = {
     name: f"{section}.{name}"
-    for section in ("friction", "material", "loads", "heat")
+    for section in ("friction", "material", "loads", "heat", "adhesion")
     for short_row in rows(section).values()
-    if short_row.swept and (section != "friction" or short_row.kind in NUMBERS)
+    if short_row.swept and (section not in LAWS or short_row.kind in NUMBERS)
+    if section != "adhesion" or short_row.name not in rows("friction")
     for name in (short_row.name, *short_row.numbers)
 }
 """Short names: alpha for heat.alpha, f_x for loads.f_x, k for material.k (a law's k is
-friction.k)."""
+friction.k; of a name that both have, friction's is short)."""
 
 
 def path_of(word: str) -> Keys:
@@ -221,13 +222,14 @@ def numbers(scene: Scene) -> Found:
         idle = "" if any(role.spring) else "the edge has no springs"
         for spring_row, stiffness in zip(rows("spring").values(), role.spring, strict=True):
             yield (*path, "spring", spring_row.name), Number(spring_row, stiffness, idle)
-    if isinstance(scene.friction, EdgeLaws):
-        for edge, law, strength in scene.friction.laws:
-            # a law of all edges whose strength varies has no edge
-            path = ("friction", edge) if edge else ("friction",)
-            yield from _of_law(law, path, strength)
-    else:
-        yield from _of_law(scene.friction, ("friction",), 1.0)
+    for section in LAWS:
+        laws = getattr(scene, section)
+        if isinstance(laws, EdgeLaws):
+            for edge, law, strength in laws.laws:
+                # a law of all edges whose strength varies has no edge
+                yield from _of_law(law, (section, edge) if edge else (section,), strength)
+        elif laws is not None:
+            yield from _of_law(laws, (section,), 1.0)
 
 
 def _of_law(law: Laws, path: Keys, strength: Scalar) -> Found:
@@ -235,8 +237,9 @@ def _of_law(law: Laws, path: Keys, strength: Scalar) -> Found:
     if law.made is None:
         return
     values = law.made.values
-    for parameter_row in law_rows(law.made.shape):
-        value = values[parameter_row.name]
+    names = parameter_names(law.made.shape, path[0])
+    for parameter_row in law_rows(law.made.shape, path[0]):
+        value = values[names[parameter_row.name]]
         if isinstance(value, float) and parameter_row.kind != "integer":
             yield (*path, parameter_row.name), Number(parameter_row, value)
     points = values.get(POINTS, ())
@@ -251,7 +254,7 @@ def _of_law(law: Laws, path: Keys, strength: Scalar) -> Found:
         yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), idle)
     if not isinstance(strength, Expression):
         strength = law.made.strength
-    yield (*path, "strength"), Number(row("friction", "strength"), strength)
+    yield (*path, "strength"), Number(row(path[0], "strength"), strength)
 
 
 def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:

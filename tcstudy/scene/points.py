@@ -21,7 +21,7 @@ from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 
-SECTIONS = ("body", "boundary", "material", "f", "heat", "friction")
+SECTIONS = ("body", "boundary", "material", "f", "heat", "friction", "adhesion")
 """Fields of a scene."""
 GEOMETRIC = ("body", "mesh")
 """Sections that make a geometry: what is swept of them is the outer loop of a run."""
