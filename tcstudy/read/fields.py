@@ -453,7 +453,11 @@ class Context:
     def _number_or_word(self, node: Node, row: Key, dimension: Dimension) -> float:
         """Return a number; a word that is no name of one is a fault."""
         text = node.value
-        if not isinstance(text, str) or not WORD.fullmatch(text) or text in {*self.named, *self.unread}:
+        if (
+            not isinstance(text, str)
+            or not WORD.fullmatch(text)
+            or text in {*self.named, *self.unread}
+        ):
             return self._bounded_number(node, row, dimension)
         words = " or ".join(row.words)
         example = self.example(row.suggestion)

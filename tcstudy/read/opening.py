@@ -100,7 +100,7 @@ def check_opening(
     """
     if not SOLVED:
         fault = "bonds that open are read, but cannot be solved yet"
-        ctx.at(places[0], fault, "leave out adhesion and normal: contact edges are held then")
+        ctx.at(places[0], fault, "leave out adhesion and normal, and contact is bilateral")
         return
     for keys, fault, remedy in (*_of_proofs(root, mesh), *_of_requests(root, solver, output)):
         ctx.at(root.nearest(*keys), fault, remedy)
@@ -109,14 +109,14 @@ def check_opening(
 def _of_proofs(root: Node, mesh: MeshPlan | None) -> Iterator[Fault]:
     """Yield what is asked of errors: they are proved and estimated of the slip alone."""
     if mesh is not None and mesh.bounds_errors:
-        fault = "errors are proved of edges that are held along the normal, and one may open here"
+        fault = "errors are bounded for bilateral contact, and an edge may open here"
         yield ("mesh", "guarantee"), fault, "remove guarantee, and compare levels instead"
     if mesh is not None and mesh.estimates:
         key = next((key for key in ("tolerance", "estimate", "family") if root.at("mesh", key)), "")
-        fault = "errors are estimated of edges that are held along the normal, and one may open"
+        fault = "errors are estimated for bilateral contact, and an edge may open here"
         yield ("mesh", key), fault, "use a uniform or graded family without it, with levels"
     if root.at("exact"):
-        fault = "an exact solution is compared where contact edges are held along the normal"
+        fault = "an exact solution is of bilateral contact, and an edge may open here"
         yield ("exact",), fault, "remove exact, and compare levels instead"
 
 

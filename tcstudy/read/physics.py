@@ -19,7 +19,7 @@ from tcstudy.expressions.expression import SPACING, Expression, product, random_
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
-from tcstudy.laws.shapes import SHAPES, LawError
+from tcstudy.laws.shapes import RIGID, SHAPES, LawError, one_sided
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
 from tcstudy.scene.keys import (
@@ -153,7 +153,8 @@ def _role(ctx: Context, node: Node) -> Role:
 
 def _adhesive(ctx: Context, node: Node) -> Contact:
     """Return the role of an edge that opens by a law; it is a fault if it gives `normal` too."""
-    if normal := node.at("normal"):
+    normal = node.at("normal")
+    if normal and normal.value in row("boundary", "normal").words:
         fault = "adhesion has a law for this edge, which decides what it does along its normal"
         remedy = "leave out normal, or name other edges: adhesion: {EDGE: {law: ...}}"
         ctx.at(normal, fault, remedy)
@@ -420,6 +421,9 @@ def _law(ctx: Context, node: Node, line: Sequence[Edge], section: str) -> tuple[
         strength = product(strength, _random_strength(ctx, fields, line))
     of_shape = {names[key]: value for key, value in values.items() if key in names}
     law = _built(fields, name, of_shape, section)
+    if section == "adhesion":
+        closing = fields.value("closing")
+        law = one_sided(law, RIGID if isinstance(closing, str) else closing)
     if isinstance(strength, Expression):
         return law, strength
     return (law if strength == 1.0 else law.times(strength)), 1.0

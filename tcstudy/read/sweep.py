@@ -20,7 +20,7 @@ from tcstudy.errors import hint, nearest
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import Node, place_of, put_number, split_path
 from tcstudy.read.fields import UNNAMED, Context, none_after_fault, only_key, users, words_in
-from tcstudy.read.physics import keys_of, laws_by_edge
+from tcstudy.read.physics import has_no_friction, keys_of, laws_by_edge
 from tcstudy.read.points import (
     MAX_POINTS,
     Nodes,
@@ -197,6 +197,9 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
         remedy = f"add mode: one of {', '.join(DESIGNS)}"
     elif meant:
         remedy = f"did you mean {meant!r}?"
+    elif path[1:] and _without_law(root, path[0]):
+        fault = f"the study has no section {path[0]}, so {key} cannot be swept"
+        remedy = ctx.example(f"add {path[0]}: {row('', path[0]).example}")
     elif alike:
         if path[1:]:
             alike = [nearest(key, alike) or alike[0]]
@@ -206,6 +209,12 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
         remedy = hint(key, words, "use a key path such as heat.alpha")
     ctx.at(item, fault, remedy, on_key=True)
     return None
+
+
+def _without_law(root: Node, section: str) -> bool:
+    """Return whether a study need not have a section of laws, and does not have it."""
+    is_needed = section == "friction" and not has_no_friction(root)
+    return section in LAWS and root.at(section) is None and not is_needed
 
 
 def _meant_of_law(root: Node, path: Keys) -> str:
@@ -232,6 +241,8 @@ def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
         number = root.at(*(split_path(".".join(path)) or ()))
         is_number = number is not None and isinstance(number.value, int | float | str)
         return Key(name, "number", "number of the body", LENGTH) if is_number else None
+    if path[1:] and _without_law(root, section):
+        return None
     place = place_of(root, path)
     edges = root.at(section)
     if section == "boundary" and edges:

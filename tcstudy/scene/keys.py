@@ -128,8 +128,6 @@ MOVED = ("clamped", "rigid")
 """Roles that take displacements in x and y."""
 NORMALS = ("held", "free", "unilateral")
 """What a contact edge without adhesion may do along its normal."""
-RIGID = "rigid"
-"""The word for a foundation that does not give way where a bond is pressed."""
 
 
 _CONVECTIVE = ("convection",)
@@ -229,7 +227,7 @@ ROWS: tuple[Key, ...] = (
     swept(
         "friction",
         "law",
-        "a law, or one for each contact edge: `{EDGE: {law: …}, …}`; an edge that opens may have none",
+        "a law, or one for each contact edge: `{EDGE: {law: …}, …}`; an edge that opens needs none",
         example=_LAW,
     ),
     swept(
@@ -381,7 +379,7 @@ ROWS: tuple[Key, ...] = (
     key(
         "boundary.normal",
         "choice",
-        "`held`: u_N = 0; `free`: S_N = 0; `unilateral`: it may lift off, u_N ≤ 0",
+        "`held`: u_N = 0; `free`: S_N = 0; `unilateral`: it may open, u_N ≤ 0",
         words=NORMALS,
         default=NORMALS[0],
         roles=("contact",),
@@ -451,8 +449,8 @@ ROWS: tuple[Key, ...] = (
         "stiffness of the foundation where the bond is pressed",
         u.STIFFNESS,
         "200 GPa/m",
-        words=(RIGID,),
-        default=RIGID,
+        words=("rigid",),
+        default="rigid",
         above=0.0,
     ),
     swept(

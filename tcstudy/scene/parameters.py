@@ -6,6 +6,7 @@ other loads; with another value of any number it is read again (`read.scenes.Sce
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -252,6 +253,9 @@ def _of_law(law: Laws, path: Keys, strength: Scalar) -> Found:
             idle = "another point has the same s"
         yield (*path, POINTS, str(i)), Number(OF_POINT["b"], float(b))
         yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), idle)
+    closing = law.made.closing
+    if closing is not None and closing < math.inf:
+        yield (*path, "closing"), Number(row(path[0], "closing"), closing)
     if not isinstance(strength, Expression):
         strength = law.made.strength
     yield (*path, "strength"), Number(row(path[0], "strength"), strength)

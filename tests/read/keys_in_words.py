@@ -6,7 +6,7 @@
 import re
 from collections.abc import Iterable, Iterator
 
-from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
+from tcstudy.scene.keys import Key, of_all_laws, row, rows
 from tcstudy.scene.units import NONE
 
 HEAD = """# Reference of the study file
@@ -29,6 +29,7 @@ PLACE = {"sections": "[]", "named sections": ".NAME"}
 VALUES = {
     "choice": "",
     "one or more": "",
+    "number or word": "number or",
     "choice by edge": "",
     "named numbers": "number by name",
     "named sections": "section by name",
@@ -84,10 +85,10 @@ def _sections(path: str, written: set[str], section: str = "") -> Iterator[str]:
 
 
 def _held(key: Key, name: str) -> list[Key]:
-    """Return the keys of a section; of a friction law those that all laws have."""
+    """Return the keys of a section; of a section of laws those that all laws have."""
     if key.kind != "law":
         return list(rows(name).values())
-    return [row(name, "law"), *(row(name, shared) for shared in OF_ALL_LAWS)]
+    return [row(name, "law"), *(row(name, shared) for shared in of_all_laws(name))]
 
 
 def _table(keys: Iterable[Key]) -> Iterator[str]:
@@ -139,7 +140,9 @@ def _value(key: Key) -> str:
     words = ", ".join(f"`{word}`" for word in (*flags, *key.words))
     kind = VALUES.get(key.kind, key.kind)
     unit = f"[{key.dimension.si}]" if key.dimension != NONE and key.kind != "point" else ""
-    return " ".join(part for part in (kind if not words else "", words, unit) if part)
+    if words and key.kind != "number or word":
+        kind = ""
+    return " ".join(part for part in (kind, words, unit) if part)
 
 
 if __name__ == "__main__":
