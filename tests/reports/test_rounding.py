@@ -13,7 +13,8 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import field_of
 from tcstudy.reports.figures.point import contact_title
 from tcstudy.reports.page.parts import Container
-from tcstudy.reports.page.run import line_part, read, run_part
+from tcstudy.reports.page.run import line_part, run_part
+from tcstudy.reports.page.stored import read
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.rounding import floors_of
 from tcstudy.reports.terminal.summary import text_of

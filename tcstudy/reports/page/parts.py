@@ -22,16 +22,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Panel
+from tcstudy.reports.figures.panels import Item, Panel
 from tcstudy.reports.json_values import Json, flag_words, json_value
 from tcstudy.reports.text import Heading, Part, Table, column_notes
 
-COLOURS = {
+SERIES_COLOURS = {colour: f"var(--c{i})" for i, colour in enumerate(style.SERIES[:-1], 1)}
+COLOURS = SERIES_COLOURS | {
     style.INK: "var(--ink)",
     style.PALE: "var(--soft)",
     style.SHADE: "var(--body)",
     "white": "var(--bg)",
-    **{colour: f"var(--c{i})" for i, colour in enumerate(style.SERIES[:-1], 1)},
 }
 """Colours of the pictures that follow the page's theme."""
 
@@ -47,43 +47,55 @@ def panel_part(
     state_places: x and y of the states in it [units of the file]; a ring marks the chosen state,
     and a click chooses another one.
     """
-    ticks = None
-    if panel.ticks is not None:
-        positions, texts = panel.ticks
-        ticks = [np.asarray(positions, dtype=float).tolist(), list(texts)]
     places = None
     if state_places is not None:
         x, y = state_places
         places = [box.array(panel.x(x), "f4"), box.array(panel.y(y), "f4")]
-    return {
-        "part": "panel",
-        "title": panel.title,
-        "labels": [panel.x.label, panel.y.label],
-        "log": list(panel.log),
-        "limits": [None if limits is None else list(limits) for limits in panel.limits],
-        "ticks": ticks,
-        "items": [_item(kind, x, y, look, box) for kind, x, y, look in panel.items],
-        "high": height,
-        "at": places,
-    }
+    part: Json = {"part": "panel", "title": panel.title}
+    part["labels"] = [panel.x.label, panel.y.label]
+    part["log"] = list(panel.log)
+    part["limits"] = [limits and list(limits) for limits in panel.limits]
+    part["ticks"] = _ticks(panel)
+    part["items"] = [_item(item, box) for item in panel.items]
+    part["high"] = height
+    part["at"] = places
+    return part
 
 
-LOOK_KEYS = (
-    *("color", "linewidth", "linestyle", "marker", "markersize", "markerfacecolor"),
-    *("fillstyle", "alpha", "label", "text", "shift", "ha", "texts", "names"),
-)
+def _ticks(panel: Panel) -> list[Any] | None:
+    """Return places on the x axis and their texts, or None for round numbers."""
+    if panel.ticks is None:
+        return None
+    places, texts = panel.ticks
+    return [np.asarray(places, dtype=float).tolist(), list(texts)]
+
+
+_LOOK_KEYS = """
+    color linewidth linestyle marker markersize markerfacecolor
+    fillstyle alpha label text shift ha texts names
+"""
+LOOK_KEYS = tuple(_LOOK_KEYS.split())
 """Names of matplotlib for the look of an item that the scripts know."""
 
 
-def _item(kind: str, x: Any, y: Any, look: Mapping[str, Any], box: Container) -> Json:
-    item: Json = {"kind": kind, "x": box.array(x, "f4"), "y": box.array(y, "f4")}
-    item |= {key: look[key] for key in LOOK_KEYS if key in look}
+def _item(item: Item, box: Container) -> Json:
+    """Return an item of a panel in the colours of the page."""
+    look = item.look
+    part: Json = {"kind": item.kind}
+    part["x"] = box.array(item.x, "f4")
+    part["y"] = box.array(item.y, "f4")
+    part |= {key: look[key] for key in LOOK_KEYS if key in look}
     if "color" in look:
-        item["color"] = COLOURS.get(look["color"], look["color"])
-    if kind == "cells":
-        item["kinds"] = box.array(look["kinds"], "i1")
-        item["colours"] = [COLOURS.get(colour, colour) for colour in look["colours"]]
-    return item
+        part["color"] = _page_colour(look["color"])
+    if item.kind == "cells":
+        part["kinds"] = box.array(look["kinds"], "i1")
+        part["colours"] = list(map(_page_colour, look["colours"]))
+    return part
+
+
+def _page_colour(colour: Any) -> Any:
+    """Return a colour that follows the theme of the page, where there is one."""
+    return COLOURS.get(colour, colour)
 
 
 def text_part(lines: Sequence[str]) -> Json:
@@ -106,25 +118,19 @@ def text_parts(parts: Iterable[Part]) -> list[Json]:
 
 
 def _table(table: Table) -> Json:
-    cells = [column.cells for column in table.columns]
-    return {
-        "part": "table",
-        "caption": table.caption,
-        "head": [column.title for column in table.columns],
-        "rows": list(zip(*cells, strict=True)),
-        "notes": [*table.notes, *column_notes(table.columns)],
-    }
+    titles = [column.title for column in table.columns]
+    rows = zip(*(column.cells for column in table.columns), strict=True)
+    part: Json = {"part": "table", "caption": table.caption}
+    part |= {"head": titles, "rows": list(rows)}
+    part["notes"] = [*table.notes, *column_notes(table.columns)]
+    return part
 
 
 def column(name: str, title: str, units: str, values: Any, box: Container) -> Json:
     """Return a column of a sheet: numbers in the units of the file, or texts."""
     is_numeric = np.asarray(values).dtype.kind in "fiub"
-    return {
-        "name": name,
-        "title": title,
-        "units": units,
-        "v": box.array(values) if is_numeric else [str(value) for value in values],
-    }
+    cells = box.array(values) if is_numeric else [str(value) for value in values]
+    return {"name": name, "title": title, "units": units, "v": cells}
 
 
 def columns_of(data: Any, dim: str, box: Container) -> list[Json]:
@@ -152,13 +158,8 @@ def sheet_part(
 
     states: whether the rows are the states;  chart: first names of x and y, or None
     """
-    return {
-        "part": "sheet",
-        "columns": list(columns),
-        "file": file,
-        "states": states,
-        "chart": chart and list(chart),
-    }
+    part: Json = {"part": "sheet", "columns": list(columns), "file": file}
+    return part | {"states": states, "chart": chart and list(chart)}
 
 
 def beside_part(*parts: Json) -> Json:
@@ -168,13 +169,8 @@ def beside_part(*parts: Json) -> Json:
 
 def choice_part(label: str, key: str, options: Mapping[str, list[Json]]) -> Json:
     """Return a choice of one of several lists of parts."""
-    return {
-        "part": "choice",
-        "label": label,
-        "key": key,
-        "options": list(options),
-        "parts": list(options.values()),
-    }
+    part: Json = {"part": "choice", "label": label, "key": key}
+    return part | {"options": list(options), "parts": list(options.values())}
 
 
 def states_part(label: str, texts: Sequence[str], first: int) -> Json:
@@ -207,8 +203,7 @@ class Container:
         """Add values as they are, in one of TYPES, and return their place."""
         array = np.ascontiguousarray(values, dtype=TYPES[kind])
         place = {"$": kind, "s": list(array.shape), "o": self._size}
-        block = array.tobytes()
-        block += b"\0" * (-len(block) % 8)
+        block = _padded(array.tobytes())
         self._blocks.append(block)
         self._size += len(block)
         return place
@@ -231,16 +226,24 @@ class Container:
         u, s, vt = np.linalg.svd(values, full_matrices=False)
         span = float(np.ptp(values)) or 1.0
         # a dropped mode changes no value by more than s_j max|u_j| max|v_j|
-        largest = s * np.max(np.abs(u), axis=0) * np.max(np.abs(vt), axis=1)
-        dropped = np.concatenate([np.cumsum(largest[::-1])[::-1], [0.0]])
-        rank = int(np.argmax(dropped <= tolerance * span))
-        return {"factor": self.array(u[:, :rank] * s[:rank], "f4"), "mode": self.rows(vt[:rank])}
+        largest_change = s * np.max(np.abs(u), axis=0) * np.max(np.abs(vt), axis=1)
+        # the change if this mode and all after it are dropped; none are dropped after the last
+        change_from = np.append(np.cumsum(largest_change[::-1])[::-1], 0.0)
+        rank = int(np.argmax(change_from <= tolerance * span))
+        factors = self.array(u[:, :rank] * s[:rank], "f4")
+        return {"factor": factors, "mode": self.rows(vt[:rank])}
 
     def packed(self, header: Json) -> str:
         """Return header and arrays, compressed, as base64 text."""
         values = json_value(header)
         text = json.dumps(values, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
         encoded = text.encode()
-        head = len(encoded).to_bytes(4, "little") + encoded
-        head += b"\0" * (-len(head) % 8)
-        return base64.b64encode(gzip.compress(head + b"".join(self._blocks), 9, mtime=0)).decode()
+        head = _padded(len(encoded).to_bytes(4, "little") + encoded)
+        # without the time, equal files give equal pages
+        compressed = gzip.compress(head + b"".join(self._blocks), 9, mtime=0)
+        return base64.b64encode(compressed).decode()
+
+
+def _padded(block: bytes) -> bytes:
+    """Return bytes followed by zeros up to a multiple of 8."""
+    return block + b"\0" * (-len(block) % 8)

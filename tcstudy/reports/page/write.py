@@ -47,7 +47,6 @@ from tcstudy.reports.page.parts import (
     text_parts,
 )
 from tcstudy.reports.page.run import (
-    Stored,
     body_part,
     drawn_level,
     law_part,
@@ -55,11 +54,11 @@ from tcstudy.reports.page.run import (
     line_along,
     line_part,
     live_part,
-    read,
     run_part,
     shape,
     time_of_levels,
 )
+from tcstudy.reports.page.stored import Stored, read
 from tcstudy.reports.picture import at_rest
 from tcstudy.reports.rounding import SHARE, cleared
 from tcstudy.reports.select_point import axis_symbol, describe
@@ -431,7 +430,7 @@ def _optional(stored: Stored) -> list[str]:
     """Return the parts of LEAVE_OUT that a page has: to try one more page may take long."""
     if stored.kind != "run":
         return [*LEAVE_OUT]
-    bodies = [home for home in stored.homes if home is not None] or [stored]
+    bodies = [body for body in stored.geometries if body is not None] or [stored]
     has = {
         "levels": any(len(body.groups) > 1 for body in bodies),
         "live": bool(stored.live),
@@ -454,7 +453,11 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     box = Container()
     verdict = verdict_of(stored.path)
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
-    header["verdict"] = {"lines": verdict.lines, "how": stored.words, "ok": verdict.complete}
+    header["verdict"] = {
+        "lines": verdict.lines,
+        "how": stored.selection_note,
+        "ok": verdict.complete,
+    }
     remarks = map(str, remarks_of(stored.data.attrs))
     return _filled(
         {
@@ -551,11 +554,11 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
         return {"run": run_part(stored, box), "steps": steps, **shape(stored)}
     content = {"run": run_part(stored, box), "laws": law_part(stored)}
     content["solvers"] = text_parts(solvers_compared(stored.data))
-    if stored.homes:
-        geometries = [home.data for home in stored.homes if home is not None]
+    if stored.geometries:
+        level_tables = [body.data for body in stored.geometries if body is not None]
         content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
-        content["run"]["levels"] |= time_of_levels(geometries)
-        content["homes"] = [home and _geometry(home, without, box) for home in stored.homes]
+        content["run"]["levels"] |= time_of_levels(level_tables)
+        content["homes"] = [body and _geometry(body, without, box) for body in stored.geometries]
     else:
         content |= _geometry(stored, without, box)
     has_lines = "lines" not in without and bool(stored.groups)

@@ -22,7 +22,8 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import ROLES
 from tcstudy.reports.page import write
 from tcstudy.reports.page.parts import Container
-from tcstudy.reports.page.run import drawn_law, read
+from tcstudy.reports.page.run import drawn_law
+from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.scene.contact_states import ContactState
@@ -116,7 +117,9 @@ def test_axes_follow_the_sweep_and_counts_that_are_missing_are_not_shown(tmp_pat
 def test_of_too_many_points_some_are_kept_and_it_is_said(
     stored: Stored, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tcstudy.reports.page.run.MAX_SOLUTIONS", 9)  # of six points on two levels
+    monkeypatch.setattr(
+        "tcstudy.reports.page.stored.MAX_SOLUTIONS", 9
+    )  # of six points on two levels
     found = data_of(write_page(stored("block"), tmp_path / "few.html").path)
     assert found["run"]["shape"] == [2, 2]
     with xr.open_datatree(stored("block")) as tree:
@@ -129,7 +132,7 @@ def test_of_too_many_points_some_are_kept_and_it_is_said(
         "slip-weakening",
     ] * 2
     assert "shown are 4 of the 6 points" in found["verdict"]["how"]
-    monkeypatch.setattr("tcstudy.reports.page.run.MAX_SCENES", 5)
+    monkeypatch.setattr("tcstudy.reports.page.stored.MAX_SCENES", 5)
     bare = data_of(write_page(stored("block"), tmp_path / "bare.html").path)
     assert bare["laws"] is None
     assert [edge["role"] for edge in bare["outline"]] == [edge["role"] for edge in found["outline"]]

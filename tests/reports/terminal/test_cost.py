@@ -14,7 +14,7 @@ from tcstudy.data.store import write_record
 from tcstudy.data.tables import COST_TABLE
 from tcstudy.pictures import draw_picture
 from tcstudy.reports.page.parts import Container
-from tcstudy.reports.page.run import read
+from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import cost_sections
 from tcstudy.reports.terminal.accuracy import advice, front, settings
 from tcstudy.reports.terminal.summary import text_of
