@@ -296,11 +296,17 @@ def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
     """
     if body.outline is None:
         return None
+    start = body.outline.edges[0].start
+    return support_fault(boundary_pieces(body), boundary, start, body_size(body))
+
+
+def boundary_pieces(body: Body) -> list[BoundaryPiece]:
+    """Return the edges of the loops of a body; a straight one by its ends."""
     pieces = list[BoundaryPiece]()
     for edge in body.edges:
         points = edge_points(edge, 1 if edge.through is None else ARC_PIECES)
         pieces.append(BoundaryPiece(edge.name, points, edge_normal(edge, points)))
-    return support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
+    return pieces
 
 
 def support_fault(

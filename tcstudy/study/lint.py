@@ -28,7 +28,14 @@ from tcstudy.errors import NUMBER, GeometryFailed, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.laws.pieces import DOWN
-from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
+from tcstudy.read.body import (
+    BoundaryPiece,
+    boundary_pieces,
+    edge_names,
+    mesh_faults,
+    support_fault,
+    supports,
+)
 from tcstudy.read.document import Collector, LocatedFault, located, tree_of
 from tcstudy.read.fields import names_needed
 from tcstudy.scene.guarantee import why_no_bound
@@ -46,6 +53,7 @@ from tcstudy.scene.study import Study
 from tcstudy.scene.units import BODY_FORCE, LENGTH, LINE_FORCE, TEMPERATURE, TRACTION
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
+from tcstudy.study import opening_notes
 from tcstudy.study.given import Load, Measures, loaded_scenes, loads, walked_scenes
 from tcstudy.study.workers import expected_bytes
 
@@ -108,6 +116,7 @@ def _warnings(study: Study) -> Iterator[str]:
         yield from _strained(study, all_loads, measures)
         yield from _soft(study, all_loads, measures)
     yield from _coarse(study, measures)
+    yield from _coarse_arms(study, geometry)
     yield from _moved_regions(body)
     yield from _idle_exchange(study)
 
@@ -115,7 +124,11 @@ def _warnings(study: Study) -> Iterator[str]:
 def _pinned(study: Study, geometry: Geometry | None) -> Iterator[str]:
     """Yield a warning for corners of the contact line: u_N = 0 on both edges is u = 0 there."""
     body = study.scenes[0].body
-    count = _count_corners(body, study.scenes[0].edges(Contact), geometry)
+    roles = study.scenes[0].boundary
+    bilateral = tuple(
+        name for name, role in roles if isinstance(role, Contact) and role.normal == "held"
+    )
+    count = _count_corners(body, bilateral, geometry)
     if not count:
         return
     corners = "corner of the contact line is"
@@ -370,6 +383,43 @@ def _coarse(study: Study, measures: Measures) -> Iterator[str]:
         f"({examples}).",
         f"{remedy}: a smaller mesh.maxh or more levels",
     )
+
+
+def _coarse_arms(study: Study, geometry: Geometry | None) -> Iterator[str]:
+    """Yield warnings for elements too large for an arm that bends, and for a cohesive zone."""
+    roles = (role for _, role in study.scenes[0].boundary if isinstance(role, Contact))
+    if study.mesh.open_ended or all(role.normal == "held" for role in roles):
+        return
+    pieces = boundary_pieces(study.scenes[0].body)
+    if geometry is not None:
+        pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
+    arm = opening_notes.arm_of(study.scenes[0], pieces)
+    if arm is None or not math.isfinite(arm.thickness):
+        return
+    element = _element(study)
+    cells = arm.thickness / element
+    if arm.bends and cells < opening_notes.CELLS_OVER_ARM:
+        yield note(
+            f"elements of {_length(study, element)} are large for an arm of "
+            f"{_length(study, arm.thickness)} that bends",
+            f"{cells:.2g} elements over its thickness: bending is too stiff by about "
+            f"{arm.stiffening(element):.2g} % (2.8 % at 8, 1.2 % at 12, 0.7 % at 16).",
+            f"take elements of {_length(study, arm.least_element)} or less: a smaller mesh.maxh or "
+            "more levels",
+        )
+    scenes = walked_scenes(study, AMBIENT, "adhesion", "material")
+    zone = min(opening_notes.cohesive_zone(scene, arm) for scene in scenes)
+    cells = zone / element
+    if cells < opening_notes.CELLS_IN_ZONE:
+        bound = "at least " if cells < opening_notes.ZONE_CELLS[0] else "about "
+        yield note(
+            f"elements of {_length(study, element)} are long for a cohesive zone of "
+            f"{_length(study, zone)}",
+            f"{cells:.2g} elements in it: the force of a growing crack goes up and down by "
+            f"{bound}{opening_notes.wiggle(cells):.2g} % (5 % at 1.8, 2 % at 2.6, 0.5 % at 5).",
+            f"take elements of {_length(study, zone / opening_notes.CELLS_IN_ZONE)} or less: a "
+            "smaller mesh.maxh or more levels",
+        )
 
 
 def _shortest_zone(study: Study, measures: Measures) -> float:

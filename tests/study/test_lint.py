@@ -2,6 +2,7 @@
 before any work."""
 
 import math
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,9 +10,12 @@ import pytest
 from netgen import occ
 
 import tcstudy
+from tcstudy.read import opening
+from tcstudy.read.body import boundary_pieces
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.records import Edge
 from tcstudy.study.lint import faults, lint, loaded, warnings
+from tcstudy.study.opening_notes import arm_of, cohesive_zone
 from tcstudy.study.plan import plan
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
@@ -445,3 +449,78 @@ def test_a_jump_of_a_law_is_noted_where_errors_are_bounded() -> None:
     assert told(jump, "polygon") == [note]
     assert told(jump, "false") == []
     assert told(slope, "true") == []
+
+
+PEEL = """\
+body:
+  outline:
+    - {from: [0 mm, 0 mm], edge: crack}
+    - {from: [30 mm, 0 mm], edge: bond}
+    - {from: [60 mm, 0 mm], edge: end}
+    - {from: [60 mm, 1.5 mm], edge: top}
+    - {from: [0 mm, 1.5 mm], edge: grip}
+boundary:
+  crack: free
+  bond: contact
+  end: clamped
+  top: free
+  grip: {role: traction, force: [0, 1 N/mm]}
+material: {E: 70 GPa, nu: 0, plane: stress}
+adhesion: {law: bilinear, sigma: 20 MPa, s0: 4 um, sf: 14 um}
+mesh: {maxh: 0.125 mm}
+"""
+
+
+FREE = ["boundary.bond={role: contact, normal: free}", "adhesion=null"]
+SHEAR = "friction={law: linear, k: 1}"
+THREE, FIVE = "3 elements over its thickness", "5 elements over its thickness"
+STIFF = "8 elements over its thickness: bending is too stiff by about 2.8 %"
+WIGGLE = "2.6 elements in it: the force of a growing crack goes up and down by about 2 %"
+BRITTLE = "adhesion={bond: {law: bilinear, sigma: 160 MPa, s0: 0.5 um, sf: 1.75 um}}"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        # 12 elements over 1.5 mm, 10.5 in a zone of 0.74 (E h³/12ω)^(1/4) = 1.31 mm
+        ([], []),
+        (["mesh.maxh=0.1875 mm"], [STIFF]),
+        (["mesh.levels=2", "mesh.maxh=0.25 mm"], []),
+        (["mesh.maxh=0.504 mm"], [THREE, WIGGLE]),
+        ([BRITTLE], ["zone of 273 um"]),
+        (["adhesion={law: tresca, sigma: 1 MPa}", "mesh.maxh=0.5 mm"], [THREE]),
+        ([*FREE, SHEAR, "mesh.maxh=0.3 mm"], [FIVE]),
+        (["adhesion=null", SHEAR, "mesh.maxh=0.3 mm"], []),
+    ],
+)
+def test_elements_for_arms_and_cohesive_zones(
+    overrides: list[str], said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Zones of a beam on a bilinear foundation: 1.316, 0.924 mm at 20, 40 MPa with s ~ 1/σ."""
+    monkeypatch.setattr(opening, "SOLVED", True)
+    notes = lint(read_study_text(PEEL, "a.yaml", overrides))
+    found = [note for note in notes if "elements of" in note]
+    assert len(found) == len(said), found
+    for words in said:
+        assert any(re.search(words, note) for note in found), found
+
+
+def test_the_cohesive_zone_of_an_arm_is_that_of_a_beam(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kanninen's beam on a bilinear foundation, a = 42 mm (softening part of its closed form)."""
+    monkeypatch.setattr(opening, "SOLVED", True)
+    for sigma, zone in ((5, 2.689514), (10, 1.878359), (20, 1.316047), (40, 0.924345)):
+        s0, sf = 80 / sigma, 280 / sigma
+        law = f"adhesion={{law: bilinear, sigma: {sigma} MPa, s0: {s0} um, sf: {sf} um}}"
+        study = read_study_text(PEEL, "a.yaml", [law])
+        scene = study.scenes[0]
+        arm = arm_of(scene, boundary_pieces(scene.body))
+        assert arm is not None
+        assert (arm.thickness, arm.length) == pytest.approx((1.5e-3, 60e-3))
+        assert cohesive_zone(scene, arm) == pytest.approx(1e-3 * zone, rel=0.03)
+    block = ["body={rectangle: {width: 2 mm, height: 1.5 mm, edges: {bottom: bond, left: end}}}",
+             "boundary={bond: contact, end: clamped, right: free, top: free}"]  # fmt: skip
+    scene = read_study_text(PEEL, "a.yaml", block).scenes[0]
+    arm = arm_of(scene, boundary_pieces(scene.body))
+    assert arm is not None
+    assert not arm.bends
+    assert cohesive_zone(scene, arm) == pytest.approx(0.5 * 70e9 / (20e6 / 10e-6))
