@@ -1,8 +1,8 @@
 """What a study whose contact edges may lift off must not ask for, with reasons and remedies.
 
 An edge opens if it is unilateral or has a law in the section `adhesion`. Its nodes have an unknown
-along the normal beside the slip. Laws of both directions add up node by node, so that every corner
-must be one of two orthogonal directions. What is proved, estimated or remembered of the slip alone
+along the normal beside the slip. Both have laws of their own, so that what else holds such a node
+must hold it along the edge or across it. What is proved, estimated or remembered of the slip alone
 is refused here.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tcstudy.read.body import components
 from tcstudy.read.document import Node
@@ -21,68 +22,69 @@ from tcstudy.scene.solver_plan import SolverPlan
 from tcstudy.scene.study import OutputPlan
 from tcstudy.shapes.edges import edge_normal
 
+Array = NDArray[np.float64]
 Fault = tuple[tuple[str, ...], str, str]
 """A key path, the fault there, and the remedy."""
 
 RIGHT_ANGLE = 1e-9
 """Largest cosine or sine at which two directions count as orthogonal or parallel."""
+SMOOTH = 1e-6
+"""Sine of the largest angle at which two edges go on smoothly, as on a mesh."""
 SOLVED = False
 """Whether the solver has unknowns along the normal."""
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
-    """Yield (edge, fault, remedy) of every corner at which an edge that opens meets another badly.
+    """Yield (edge, fault, remedy) of corners at which u_N of an edge that is not held is not alone.
 
     A body from a file has no corners here; those are found on its mesh.
     """
     roles = dict(boundary)
-    for edges in (pair for loop in body.loops for pair in loop.corners):
-        before, after = edges
+    for before, after in (pair for loop in body.loops for pair in loop.corners):
         for edge, other in ((before, after), (after, before)):
-            role = roles.get(edge.name, Free())
-            if isinstance(role, Contact) and role.opens:
-                other_role = roles.get(other.name, Free())
-                if fault := _corner_fault(edge, other, other_role, before.end):
-                    yield fault
-                    break
+            if not _moves_along_normal(roles.get(edge.name)):
+                continue
+            other_role = roles.get(other.name, Free())
+            if fault := _corner_fault(edge, other, other_role, before.end):
+                yield fault
+                break
+
+
+def _moves_along_normal(role: Role | None) -> bool:
+    return isinstance(role, Contact) and role.normal != "held"
 
 
 def _corner_fault(
     edge: Edge, other: Edge, role: Role, corner: tuple[float, float]
 ) -> tuple[str, str, str] | None:
-    """Return the fault of the corner of an edge that opens and another with this role."""
+    """Return the fault of the corner of an edge that is not held and another with this role."""
     point = np.array([corner])
     normal = edge_normal(edge, point)[0]
-    tangent = np.array([-normal[1], normal[0]])
     other_normal = edge_normal(other, point)[0]
     place = f"({corner[0]:g}, {corner[1]:g})"
-    if isinstance(role, Contact):
-        cosine, sine = abs(other_normal @ normal), abs(other_normal @ tangent)
-        if role.normal == "free" or min(cosine, sine) <= RIGHT_ANGLE:
-            return None
-        angle = np.degrees(np.arctan2(sine, cosine))
-        fault = (
-            f"{edge.name} may open and meets {other.name} at {place} with normals {angle:.4g} "
-            "degrees apart: slip on one would be opening on the other, in no two independent laws"
-        )
-        remedy = (
-            "draw a right angle or a straight joint, leave a short free edge between them, "
-            f"or write {other.name}: {{role: contact, normal: free}}"
-        )
-        return edge.name, fault, remedy
+    meets = f"{edge.name}, which may move along its normal, at {place}"
+    gap = "leave a short free edge between them"
     if isinstance(role, Rigid):
-        fault = f"the rigid edge {other.name} meets {edge.name}, which may open, at {place}"
-        return edge.name, fault, "leave a short free edge between them, or clamp the other edge"
-    if not isinstance(role, Clamped):
+        return edge.name, f"the rigid edge {other.name} meets {meets}", gap
+    if _moves_along_normal(role):
+        if abs(other_normal @ _turned(normal)) <= SMOOTH:
+            return None
+        fault = f"{other.name}, which may move along its normal, meets {meets}, in a corner"
+        return edge.name, f"{fault}: their laws are not of two directions", gap
+    if not isinstance(role, Clamped | Contact):
         return None
     directions = [np.array(d) for *d, _ in components(role.frame, role.u, other_normal)]
     if len(directions) != 1:
         return None
     (d,) = directions
-    if min(abs(d @ normal), abs(d @ tangent)) <= RIGHT_ANGLE:
+    if min(abs(d @ normal), abs(d @ _turned(normal))) <= RIGHT_ANGLE:
         return None
-    fault = f"a slanted guide, {other.name}, meets {edge.name}, which may open, at {place}"
-    return edge.name, fault, "end the bond before it: leave a short free edge between them"
+    return edge.name, f"{other.name} is a slanted guide and meets {meets}", gap
+
+
+def _turned(normal: Array) -> Array:
+    """Return the tangent t = (−n₂, n₁)."""
+    return np.array([-normal[1], normal[0]])
 
 
 def check_opening(

@@ -255,14 +255,14 @@ def wedge(corner: float, side: str) -> str:
     ("corner", "side", "fault"),
     [
         (2.0, "contact", ""),
-        (2.0, "{role: contact, normal: unilateral}", ""),
-        (2.5, "contact", "base may open and meets side at .* degrees apart"),
-        (2.5, "{role: contact, normal: unilateral}", "degrees apart"),
-        (2.5, "{role: contact, normal: free}", ""),
+        (2.0, "{role: contact, normal: unilateral}", "side, which may move .* in a corner"),
+        (2.5, "contact", "side is a slanted guide and meets base, which may move along its normal"),
+        (2.5, "{role: contact, normal: unilateral}", "in a corner"),
+        (2.5, "{role: contact, normal: free}", "in a corner"),
         (2.0, "symmetry", ""),
-        (2.5, "symmetry", "a slanted guide, side, meets base"),
+        (2.5, "symmetry", r"slanted guide .* at \(2, 0\)"),
         (2.5, "{role: clamped, u_x: 0}", ""),
-        (2.5, "{role: clamped, u_T: 0}", "a slanted guide"),
+        (2.5, "{role: clamped, u_T: 0}", "slanted guide"),
         (2.5, "{role: clamped, u: [0, 0]}", ""),
         (2.0, "{role: rigid, u_y: 0}", "the rigid edge side meets base"),
         (2.0, "{role: traction, spring: {normal: 1}}", ""),
@@ -276,7 +276,14 @@ def test_corners_have_two_orthogonal_directions(corner: float, side: str, fault:
         scene(text=wedge(corner, side))
     [problem] = refused.value.problems
     assert problem.remedy
-    assert not scene("adhesion=null", text=wedge(corner, side).replace("unilateral", "held")).opens
+    with_gap = wedge(corner, "free").replace(
+        "{from: [2, 0], edge: side}",
+        f"{{from: [2, 0], edge: gap}}\n    - {{from: [{2 + 0.1 * (corner - 2)}, 0.1], edge: side}}",
+    )
+    with_gap = with_gap.replace("side: free", f"gap: free, side: {side}")
+    if "contact" in side:
+        with_gap = with_gap.replace("tau: 1}}", "tau: 1}, side: {law: tresca, tau: 1}}", 1)
+    assert scene(text=with_gap).opens
 
 
 def test_the_schema_knows_the_keys() -> None:
