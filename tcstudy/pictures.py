@@ -177,10 +177,9 @@ def _shape(study: Study) -> SceneShape:
         raise StudyError(located(study, faults))
     mesh = Meshes(study).next(0)
     scene = study.scenes[0]
-    is_held = study.history is None or not study.history.loose
     try:
-        level = Level(mesh, scene, held=is_held)
-        lambda_1 = level.lambda_1(scene) if is_held else None
+        level = Level(mesh, scene)
+        lambda_1 = level.lambda_1(scene) if level.is_held(scene) else None
     except NotPositiveDefinite as error:
         raise DrawError(str(error)) from None
     counts = f"{level.frames.n_dof} unknowns, {level.line.m} on the contact line"

@@ -444,8 +444,9 @@ def certify(
         lambda_1, error = problem.lambda_1, problem.lambda_1_error
     if residual is None:
         residual = extended(problem, v).residual
+    loose = None if lambda_1 > 0.0 else True
     body = CondensedBody.known(
-        problem.A_tilde, problem.c, error, lambda_1=lambda_1, inverse=inverse
+        problem.A_tilde, problem.c, error, lambda_1=lambda_1, inverse=inverse, loose=loose
     )
     rows = ContactProblem.on(body, problem.l_tilde, problem.law).rows
     certificates = certify_rows(rows, v[None], tolerance, np.array([residual]))
@@ -529,13 +530,18 @@ class Proofs:
         solved: (R,) which of them are solutions; of others only `convex` and `unique` are proved
         """
         rows, body = self.rows, self.rows.body
-        lowest = solved & (self.unique | self.lowest)
+        unique = self.unique
+        lowest = solved & (unique | self.lowest)
         strict = lowest.copy()  # a proved global minimum is a strict one
         open_rows = np.flatnonzero(solved & ~lowest)
         if len(open_rows):
             strict[open_rows] = strict_minimum(rows.take(open_rows), v[open_rows])
         energy_gap = np.full(len(v), np.nan)
-        if body.m:
+        if body.loose:
+            # without softening L̃ is convex: a solution is a global minimum, alone if it is strict
+            lowest = solved & (self.omega == 0.0)
+            unique = lowest & strict
+        elif body.m:
             distance = rows.take(np.flatnonzero(lowest)).distance(v[lowest])
             energy_gap[lowest] = distance**2 @ body.c / (2.0 * body.shift)
         return Certificate(
@@ -545,7 +551,7 @@ class Proofs:
             omega=self.omega,
             margin=self.margin,
             convex=self.convex,
-            unique=self.unique,
+            unique=unique,
             strict_minimum=strict,
             global_minimum=lowest,
             energy_gap=energy_gap,

@@ -386,7 +386,9 @@ class ContactProblem:
         return least_eigenpair(self.A_tilde, self.c)
 
     def frictionless(self) -> Array:
-        """Return Ã⁻¹ l̃, the solution without friction (m,)."""
+        """Return Ã⁻¹ l̃, the solution without friction (m,); the least one of a loose body."""
+        if self.body.loose:
+            return np.asarray(np.linalg.lstsq(self.A_tilde, self.l_tilde)[0])
         factor = scipy.linalg.cho_factor(self.A_tilde, lower=True)
         return scipy.linalg.cho_solve(factor, self.l_tilde)
 

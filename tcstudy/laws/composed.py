@@ -266,6 +266,14 @@ class EdgeLaws:
         return all(law.vanishes for _, law, _ in self.laws)
 
 
+def bonded_edges(friction: Laws | EdgeLaws) -> frozenset[str]:
+    """Return the edges on which friction is not 0 everywhere; "" stands for all of Γ_C."""
+    by_edge = friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
+    return frozenset(
+        edge for edge, law, strength in by_edge if strength != 0.0 and not law.vanishes
+    )
+
+
 def law_along(
     friction: Laws | EdgeLaws,
     names: Sequence[str],

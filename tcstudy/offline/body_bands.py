@@ -14,7 +14,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.guaranteed import Band
-from tcstudy.offline.level import Level
+from tcstudy.offline.level import NO_BAND, Level
 from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -23,7 +23,6 @@ MAX_TRIANGLES = 2_000
 """Triangles from which a coarser mesh is made for the bounds."""
 TARGET_TRIANGLES = 1_000
 """Triangles of that mesh."""
-UNKNOWN = Band(math.nan, math.nan, math.nan)
 
 
 class BodyBands:
@@ -37,7 +36,7 @@ class BodyBands:
         try:
             return self._level.band(scene)
         except NotPositiveDefinite:
-            return UNKNOWN
+            return NO_BAND
 
     @cached_property
     def _level(self) -> Level:

@@ -375,7 +375,7 @@ class Existence:
         limit: radius beyond which a ball is of no interest, as half the distance of the nearest
                other solution: large balls hold a solution of any coercive energy
         """
-        if not self.level.held or why_no_bound(scene):
+        if not self.level.is_held(scene) or why_no_bound(scene):
             return NOTHING
         u = self.level.displacement(scene, v).reshape(2, -1).T
         eta, xi = self.bounds.whole_residual(scene, u, near=True)

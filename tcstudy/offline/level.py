@@ -8,7 +8,7 @@ differ by region, the ratio has all their moduli and all springs over μ of the 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
 from tcstudy.condense.condensation import EliminationPlan
-from tcstudy.contact.problem import ContactProblem, least_eigenpair
+from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenpair
 from tcstudy.fem.forms import (
     ElasticForms,
     Moduli,
@@ -30,6 +30,7 @@ from tcstudy.fem.forms import (
     source_load,
     traction_load,
 )
+from tcstudy.fem.geometry import Geometry
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
@@ -51,7 +52,10 @@ from tcstudy.scene.records import (
     Role,
     Scalar,
     Scene,
+    is_clamped,
+    supports,
 )
+from tcstudy.shapes.rigid_motions import BoundaryPiece, RigidMotions, rigid_motions
 
 Array = NDArray[np.float64]
 Mechanical = Literal["body", "traction", "force", "moment"]
@@ -60,6 +64,10 @@ Ratio = tuple[Moduli, Springs]
 
 MEMORY = 512e6
 """Bytes of basis loads, and again of temperatures, that a level keeps for reuse."""
+NO_BAND = Band(np.nan, np.nan, np.nan)
+"""Bounds of λ₁ of a body that contact alone holds."""
+NORMAL_ACCURACY = 1e-7
+"""Accuracy of the normals of curves that the geometry kernel has."""
 ROUNDINGS = 4.0
 """Rounding errors of A by which the error of λ₁ is estimated."""
 
@@ -160,6 +168,7 @@ class CondensedBlock:
     c:                (m,) [m]
     lambda_1:         of A_tilde [1/m]
     lambda_1_error:   relative
+    is_held:          False for a body with rigid motions that contact alone resists; λ₁ is 0
     mu:               (P,) shear moduli [Pa]
     l_tilde:          (P, m) condensed loads [N/m]
     constant:         (P,) total potential energies less L̃(u₁) [J/m]
@@ -172,6 +181,7 @@ class CondensedBlock:
     c: Array
     lambda_1: float
     lambda_1_error: float
+    is_held: bool
     mu: Array
     l_tilde: Array
     constant: Array
@@ -179,6 +189,11 @@ class CondensedBlock:
     heat_balance: Array
     time: float
     band: Band | None = None
+
+
+def loose_body(A_tilde: Array, c: Array) -> CondensedBody:
+    """Return the record of a body that contact alone holds: Ã is semidefinite, and λ₁ is 0."""
+    return CondensedBody.known(A_tilde, c, lambda_1=0.0, loose=True)
 
 
 def _held(boundary: Boundary) -> Boundary:
@@ -197,8 +212,12 @@ _Basis = tuple[Array, Array]
 class ElasticBody:
     """The condensed body of one ratio of moduli, for μ = 1, which its scenes share."""
 
-    def __init__(self, level: Level, ratio: Ratio) -> None:
-        """Raises NotPositiveDefinite if the body is not held."""
+    def __init__(self, level: Level, ratio: Ratio, is_held: bool) -> None:
+        """Condense the body.
+
+        is_held: False for a body with rigid motions that contact alone resists, which has no λ₁
+        Raises NotPositiveDefinite if the body is not held.
+        """
         self._level = level
         moduli, springs = ratio
         frames = level.frames
@@ -216,7 +235,8 @@ class ElasticBody:
         level.elimination = self.condensation.plan
         self.lambda_1 = 0.0
         self.lambda_1_error = 0.0
-        if level.held:
+        self.is_held = is_held
+        if is_held:
             self.condensation.require_definite()
             # Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky:
             # Demmel, LAPACK Working Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i², u being
@@ -309,6 +329,19 @@ class ElasticBody:
         return self.condensation.expand(u_T, rows)
 
 
+def motions_of_geometry(
+    geometry: Geometry, boundary: Boundary, resisting: Collection[str] | None = None
+) -> RigidMotions:
+    """Return the rigid motions that the supports of a body leave.
+
+    resisting: as of `rigid_motions`
+    """
+    pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
+    x, y = pieces[0].points[0]
+    centre = (float(x), float(y))
+    return rigid_motions(pieces, boundary, centre, geometry.size, resisting, NORMAL_ACCURACY)
+
+
 class Level:
     """All scenes of a study on one mesh.
 
@@ -320,7 +353,6 @@ class Level:
         mesh: PlaneMesh,
         scene: Scene,
         scenes: Sequence[Scene] = (),
-        held: bool = True,
         guarantee: Guarantee = "none",
         band_of: Callable[[Scene], Band] | None = None,
     ) -> None:
@@ -328,14 +360,12 @@ class Level:
 
         scene:     any scene of the study; body and roles are the same in all of them
         scenes:    all scenes to come, if known: many values of α then share a few temperatures
-        held:      False for a body that may slide along the contact line, which then has no λ₁
         guarantee: what is proved of the body (scene/mesh_plan.py)
         band_of:   gives bounds of λ₁ of the body; None for those of this mesh, if they are wanted
         Raises GeometryFailed if errors of the body are bounded and an edge is curved.
         """
         start = time.perf_counter()
         self.mesh = mesh
-        self.held = held
         self._band_of = band_of
         self._has_band = band_of is not None or guarantee in ("bounds", "polygon")
         if guarantee == "bounds":
@@ -343,6 +373,7 @@ class Level:
         self._bands = Recent[Band]()
         self._frames = Recent[Frames]()
         self._laws = Recent[Laws]()
+        self._motions = Recent[RigidMotions]()
         self._duals: dict[Ratio, tuple[EquilibriumBody, float]] = {}
         self.elastic = ElasticForms(mesh)
         self.temperatures = Temperatures(self.elastic, scene, scenes, MEMORY)
@@ -358,12 +389,29 @@ class Level:
         key = _held(boundary)
         return self._frames.of(key, lambda: constrain(self.mesh, key))
 
+    def is_held(self, scene: Scene) -> bool:
+        """Return whether the supports of a scene leave no rigid motion."""
+        return is_clamped(scene.boundary) or not self.motions(scene)
+
+    def contact_motions(self, scene: Scene) -> Array:
+        """Return (k, m) the rigid motions that the supports leave, at the contact DOFs."""
+        u = self.motions(scene).at(self.mesh.points)
+        rows = [self.frames.rows(motion.T.ravel())[self.line.nodes] for motion in u]
+        return np.array(rows).reshape(-1, self.line.m)
+
+    def motions(self, scene: Scene) -> RigidMotions:
+        """Return the rigid motions that the supports of a scene leave, so that contact holds it."""
+        boundary = scene.boundary
+        return self._motions.of(
+            supports(boundary), lambda: motions_of_geometry(self.mesh.geometry, boundary)
+        )
+
     def _body(self, scene: Scene) -> ElasticBody:
         """Return the factorised body of this λ/μ; one is kept at a time, as factors are large."""
         ratio = ratio_of(scene)
         if ratio not in self._bodies:
             self._bodies.clear()
-            self._bodies[ratio] = ElasticBody(self, ratio)
+            self._bodies[ratio] = ElasticBody(self, ratio, self.is_held(scene))
         return self._bodies[ratio]
 
     # -- the condensed problem ---------------------------------------------------------------------
@@ -383,6 +431,8 @@ class Level:
         problem = ContactProblem(
             A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error
         )
+        if not body.is_held:
+            problem = ContactProblem.on(loose_body(A_tilde, self.line.c), l_tilde, problem.law)
         return Condensed(problem, constant)
 
     def _load(self, scene: Scene) -> tuple[Array, float]:
@@ -458,6 +508,7 @@ class Level:
             self.line.c,
             body.lambda_1,
             body.lambda_1_error,
+            body.is_held,
             mu,
             l_tilde,
             constants,
@@ -474,9 +525,14 @@ class Level:
         return scene.material.mu * self._body(scene).lambda_1
 
     def band(self, scene: Scene) -> Band:
-        """Return bounds of λ₁ of the continuous body [Pa/m], computed once per λ/μ."""
+        """Return bounds of λ₁ of the continuous body [Pa/m], computed once per λ/μ.
+
+        They are NaN for a body that contact alone holds.
+        """
         if self._band_of is not None:
             return self._band_of(scene)
+        if not self.is_held(scene):
+            return NO_BAND
         ratio = ratio_of(scene)
         mu = scene.material.mu
         if ratio not in self._bands:

@@ -15,7 +15,7 @@ from dataclasses import is_dataclass, replace
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,7 @@ from tcstudy.shapes.edges import (
     edge_points,
     inside,
 )
+from tcstudy.shapes.rigid_motions import RigidMotions, components, has_supports
 
 SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
@@ -272,119 +273,25 @@ Array = NDArray[np.float64]
 
 MAX_TRIANGLES = 2e7
 """Number of triangles above which maxh or levels is taken for a typing error."""
-ARC_PIECES = 32
 
 
-def supports(boundary: Boundary) -> tuple[object, ...]:
-    """Return the edges that hold a component, with the part of them that decides about motions."""
-    edges = ((edge, role.frame, *(u is None for u in role.held)) for edge, role in boundary)
-    return tuple(edge for edge in edges if edge[2:] != (True, True))
-
-
-class BoundaryPiece(NamedTuple):
-    """Points (n, 2) of an edge of the boundary with the unit normals (n, 2) there."""
-
-    name: str
-    points: Array
-    normals: Array
-
-
-def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
-    """Return the fault of the supports and its remedy; None if they hold the body.
-
-    It is None for a body from a file as well.
-    """
-    if body.outline is None:
-        return None
-    start = body.outline.edges[0].start
-    return support_fault(boundary_pieces(body), boundary, start, body_size(body))
-
-
-def boundary_pieces(body: Body) -> list[BoundaryPiece]:
-    """Return the edges of the loops of a body; a straight one by its ends."""
-    pieces = list[BoundaryPiece]()
-    for edge in body.edges:
-        points = edge_points(edge, 1 if edge.through is None else ARC_PIECES)
-        pieces.append(BoundaryPiece(edge.name, points, edge_normal(edge, points)))
-    return pieces
-
-
-def support_fault(
-    pieces: Sequence[BoundaryPiece],
-    boundary: Boundary,
-    centre: Point,
-    size: float,
-    accuracy: float = 1e-9,
+def supports_fault(
+    motions: RigidMotions | None, boundary: Boundary, *, has_friction: bool
 ) -> tuple[str, str] | None:
-    """Return the fault and the remedy if u on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion.
+    """Return the fault of the supports and its remedy; None if something resists every motion.
 
-    centre:   any point of the body;  size: its diagonal
-    accuracy: of the normals
-    Returns None if the supports leave none.
+    motions:      those that neither supports nor friction resist, None of a body from a file
+    has_friction: whether a contact edge has friction
     """
-    roles = dict(boundary)
-    if not any(isinstance(role, Clamped | Contact) for role in roles.values()):
-        return None
-    constraints = list[list[float]]()
-    for piece in pieces:
-        constraints += _constraints(piece, roles.get(piece.name), centre, size)
-    _, singular, motions = np.linalg.svd(np.array(constraints).reshape(-1, 3), full_matrices=True)
-    rank = int(np.sum(singular > accuracy * singular[0])) if len(singular) else 0
-    if rank == 3:
+    if not motions or not has_supports(boundary):
         return None
     fault = "no edge is clamped and contact does not restrain rigid-body motion"
-    if any(isinstance(role, Clamped) for role in roles.values()):
+    if any(isinstance(role, Clamped) for _, role in boundary):
         fault = "the supports do not restrain rigid-body motion"
     remedy = "give an edge the role clamped, or prescribe the missing component"
-    return f"{fault}: it can still {_motion(motions[rank:], centre, size)}", remedy
-
-
-def _constraints(
-    piece: BoundaryPiece, role: Role | None, centre: Point, size: float
-) -> Iterator[list[float]]:
-    """Yield the rows of d·r(p) = 0 of a piece, in the coefficients a, b, c of a rigid motion.
-
-    The motion is r = (a − cη, b + cξ) with (ξ, η) = (p − centre)/size.
-    """
-    if role is None:
-        return
-    if isinstance(role, Rigid) and role.moment is None:  # a rigid edge without a moment cannot turn
-        for x, y in piece.points[1:] - piece.points[0]:
-            for shift, u in zip((-y, x), role.u, strict=True):
-                if u is None:
-                    yield [0.0, 0.0, shift / size]
-    for (x, y), normal in zip(piece.points, piece.normals, strict=True):
-        xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
-        for d_x, d_y, _ in components(role.frame, role.held, normal):
-            yield [d_x, d_y, d_y * xi - d_x * eta]
-
-
-def components(
-    frame: str, u: tuple[Scalar | None, Scalar | None], normal: Array
-) -> Iterator[tuple[float, float, Scalar]]:
-    """Yield (d₁, d₂, value) of every component of u that is not None.
-
-    Directions are x and y, or the normal and the tangent.
-    """
-    n_x, n_y = map(float, normal)
-    directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n_x, n_y), (-n_y, n_x))
-    for direction, value in zip(directions, u, strict=True):
-        if value is not None:
-            yield *direction, value
-
-
-def _motion(motions: Array, centre: Point, size: float) -> str:
-    """Return rigid motions in words."""
-    if len(motions) > 1:
-        return f"move in {len(motions)} ways"
-    a, b, c = motions[0]
-    if abs(c) < 1e-6:
-        if abs(b) < 1e-6:
-            return "slide along x"
-        return "slide along y" if abs(a) < 1e-6 else f"slide along ({a:.3g}, {b:.3g})"
-    pole = (centre[0] - size * b / c, centre[1] + size * a / c)
-    x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in pole)  # rounding is no coordinate
-    return f"turn about ({x:.3g}, {y:.3g})"
+    if not has_friction and any(isinstance(role, Contact) for _, role in boundary):
+        remedy = f"{remedy}, or give the contact a friction law that resists it"
+    return f"{fault}: it can still {motions.words}", remedy
 
 
 def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:

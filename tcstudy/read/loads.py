@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from tcstudy.errors import hint
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.read.body import corner_faults, supports_fault
+from tcstudy.read.body import corner_faults
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
@@ -192,8 +192,7 @@ def read_history(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> Hi
     if plan.steps > MOST_STEPS:
         remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
         fields.fault("steps", f"the history has {plan.steps} steps", remedy, on_key=True)
-    supports = distinct(scenes, "boundary")
-    return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in supports))
+    return plan
 
 
 def _memory(ctx: Context, fields: Fields, base: Scene) -> Memory:

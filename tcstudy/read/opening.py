@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.read.body import components
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context
 from tcstudy.scene.mesh_plan import MeshPlan
@@ -21,6 +20,7 @@ from tcstudy.scene.records import Body, Boundary, Clamped, Contact, Edge, Free, 
 from tcstudy.scene.solver_plan import SolverPlan
 from tcstudy.scene.study import OutputPlan
 from tcstudy.shapes.edges import edge_normal
+from tcstudy.shapes.rigid_motions import components
 
 Array = NDArray[np.float64]
 Fault = tuple[tuple[str, ...], str, str]

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.errors import StudyError, UserFault
-from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.composed import EdgeLaws, bonded_edges
 from tcstudy.read.body import (
     check_boundary,
     check_finite,
     check_laws,
     check_shape,
     read_body,
-    supports,
     supports_fault,
 )
 from tcstudy.read.document import Collector, Node, put, put_number, tree_of
@@ -46,9 +45,10 @@ from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.keys import LAWS
 from tcstudy.scene.parameters import Keys, Number, numbers, path_scene
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Body, Edge, Scene
+from tcstudy.scene.records import Body, Boundary, Edge, Scene, is_clamped, resisting_edges, supports
 from tcstudy.scene.study import Study
 from tcstudy.shapes.faults import snapped
+from tcstudy.shapes.rigid_motions import motions_of_body
 
 KEYS = {"material": ("material", "materials")}
 """Keys of the study that a section consists of, unless it is the key of the same name."""
@@ -92,18 +92,15 @@ class SceneReader:
         ctx: Context,
         root: Node,
         sweep: Sweep,
-        loose: bool = False,
         study: Study | None = None,
     ) -> None:
         """Read the body.
 
-        loose: whether the supports may leave rigid motions, which friction alone resists
         study: whose sweep points `at` knows by their numbers
         """
         self.ctx = ctx
         self.root = root
         self.sweep = sweep
-        self.loose = loose
         self.named = ctx.named
         self.study = study
         self.body: Body | None = None
@@ -125,7 +122,8 @@ class SceneReader:
         for section in SECTIONS:
             axes = [i for i in self.order if self.touches(sweep.axes[i].path, section)]
             self.touching[section] = axes
-        self.supports: set[tuple[object, ...]] = set()
+        self.supported: dict[object, tuple[Node, Boundary, str]] = {}
+        self.bonded: frozenset[str] | None = None
         self.finite: set[int] = set()
         self.base: Scene | None = None
         self.scenes: Sequence[Scene] = ()
@@ -148,6 +146,10 @@ class SceneReader:
 
         After a fault there is only the scene of the base study, if that has no fault.
         """
+        self._read_scenes()
+        self._check_supports()
+
+    def _read_scenes(self) -> None:
         base = {section: self.section(section, self.root) for section in self.sections}
         self._compare(self.root, base)
         if self.body is not None and None not in base.values():
@@ -262,6 +264,7 @@ class SceneReader:
         if section == "heat":
             return read_heat(self.ctx, node, self.regions)
         if section == "friction" and node is None and has_no_friction(self.root):
+            self.bonded = self.bonded or frozenset()
             return with_no_shear(None, self.opening)
         if root is None or node is None:
             return None
@@ -269,18 +272,32 @@ class SceneReader:
             return read_materials(self.ctx, node, root.at("materials"), self.regions)
         if section in LAWS:
             laws = read_laws(self.ctx, node, self._contact_lines(), section)
-            return with_no_shear(laws, self.opening) if laws and section == "friction" else laws
+            if section == "friction" and laws:
+                laws = with_no_shear(laws, self.opening)
+                self.bonded = (self.bonded or frozenset()) | bonded_edges(laws)
+            return laws
         boundary = read_boundary(self.ctx, node, self.names, self.adhesive)
         if boundary and self.body:
-            if not self.loose and (held := supports(boundary)) not in self.supports:
-                self.supports.add(held)
-                if fault := supports_fault(self.body, boundary):
-                    self.ctx.at(node, *fault)
+            self.supported.setdefault(supports(boundary), (node, boundary, self.ctx.errors.point))
             check_boundary(self.ctx, node, self.body, boundary)
             if self.not_held:
                 for edge, *sentences in corner_faults(self.body, boundary):
                     self.ctx.at(node.nearest(edge), *sentences)
         return boundary
+
+    def _check_supports(self) -> None:
+        """Record every kind of supports that leaves a motion which no friction resists."""
+        if self.body is None or self.bonded is None:
+            return
+        for node, boundary, point in self.supported.values():
+            if is_clamped(boundary):
+                continue
+            resisting = resisting_edges(boundary, self.bonded)
+            motions = motions_of_body(self.body, boundary, resisting)
+            fault = supports_fault(motions, boundary, has_friction=bool(resisting))
+            if fault is not None:
+                self.ctx.errors.point = point
+                self.ctx.at(node, *fault)
 
     def _contact_lines(self) -> dict[str, list[Edge]]:
         """Return the edges of an outline in contact, by name, and all by the name ""."""
@@ -312,7 +329,7 @@ class SceneReader:
         ctx = Context(Collector(), study.units, study.source.parent if study.source else Path())
         root = tree_of(study, ctx.errors)
         ctx.named = read_parameters(ctx, root.at("parameters"))
-        return cls(ctx, root, Sweep(), loose=True, study=study)
+        return cls(ctx, root, Sweep(), study=study)
 
     def at(self, scene: Scene, values: Mapping[Keys, float], point: int | None = None) -> Scene:
         """Return a scene with other numbers [SI] at key paths.

@@ -146,7 +146,7 @@ def _one_body(
         root = without_loads(ctx, root, sweep)
     root = with_swept_keys(root, sweep)
     Fields(ctx, root, "", _required(root))
-    reader = SceneReader(ctx, root, sweep, loose=_has_friction_memory(root))
+    reader = SceneReader(ctx, root, sweep)
     reader.read()
     ctx.errors.point = ""
     mesh = read_mesh(ctx, reader)
@@ -197,15 +197,6 @@ def _required(root: Node) -> tuple[str, ...]:
     needs_friction = not has_no_friction(root)
     names = (name for name, row in rows("").items() if row.required or name == "friction")
     return tuple(name for name in names if name != "friction" or needs_friction)
-
-
-def _has_friction_memory(root: Node) -> bool:
-    """Return whether every contact edge of a history has the memory `friction`."""
-    memory = root.at("history", "memory")
-    if memory is None:
-        return False
-    words = memory.children.values() or (memory,)
-    return all(word.value == "friction" for word in words)
 
 
 def _check_keys(ctx: Context, root: Node, names: Iterable[str]) -> None:

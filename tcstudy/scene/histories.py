@@ -249,7 +249,6 @@ class HistoryPlan:
     branch:     the solution of a step: "continued" along the path from the last state, or "lowest",
                 the lowest found
     level:      mesh level, None for the finest
-    loose:      whether nothing but friction holds the body
     """
 
     memory: Memory
@@ -258,7 +257,6 @@ class HistoryPlan:
     repeat: int = 1
     branch: HistoryBranch = "continued"
     level: int | None = None
-    loose: bool = False
 
     @property
     def steps(self) -> int:

@@ -6,7 +6,7 @@ beta.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, Self
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Scalar
-from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.composed import EdgeLaws, bonded_edges
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
@@ -495,6 +495,11 @@ class Scene:
         return (self.friction,)
 
     @property
+    def resisting(self) -> frozenset[str]:
+        """The contact edges whose friction resists slip."""
+        return resisting_edges(self.boundary, bonded_edges(self.friction))
+
+    @property
     def one_law(self) -> Laws:
         """The law of all of Γ_C. Raises ValueError where it differs along Γ_C."""
         if isinstance(self.friction, EdgeLaws):
@@ -556,3 +561,23 @@ class Scene:
     def conducts(self) -> bool:
         """Whether an edge decides the temperature: by exchanging heat, or by a prescribed θ."""
         return any(exchanges(role) for _, role in self.boundary) or bool(self.held_theta)
+
+
+def is_clamped(boundary: Boundary) -> bool:
+    """Return whether an edge holds both components, so that no rigid motion is left."""
+    return any(None not in role.held for _, role in boundary)
+
+
+def supports(boundary: Boundary) -> tuple[object, ...]:
+    """Return the edges that hold a component, with the part of them that decides about motions."""
+    edges = ((edge, role.frame, *(u is None for u in role.held)) for edge, role in boundary)
+    return tuple(edge for edge in edges if edge[2:] != (True, True))
+
+
+def resisting_edges(boundary: Boundary, bonded: Collection[str]) -> frozenset[str]:
+    """Return the contact edges on which friction resists slip.
+
+    bonded: names of `bonded_edges`, of one scene or of several
+    """
+    contact = frozenset(name for name, role in boundary if isinstance(role, Contact))
+    return contact if "" in bonded else contact.intersection(bonded)

@@ -184,7 +184,7 @@ def mesh_shift(tests: Tests, best: Minimum, box: Box, statistics: Mapping[str, A
     try:
         for model in tests.models:
             mesh = refine(model.level.mesh)
-            level = Level(mesh, model.plan.scene, held=model.level.held)
+            level = Level(mesh, model.plan.scene)
             comparisons.append(replace(model, level=level).compare(best.p))
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
@@ -206,11 +206,10 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
     """Return the study as a function of the parameters, on one mesh. Raises GeometryFailed."""
     sigma = [_noise_of(column) for column in (*plan.measured, *plan.given)]
     n_data = len(plan.measured[0].values)
-    is_restrained = plan.history is None or not plan.history.loose
     return FitModel(
         plan,
         SceneReader.of(study),
-        level_of(study, plan.scene, plan.level, is_restrained),
+        level_of(study, plan.scene, plan.level),
         noise=np.repeat(sigma[: len(plan.measured)], n_data),
         given_noise=sigma[-1] if plan.given else 1.0,
         tolerance=study.solver.tolerance,

@@ -129,7 +129,7 @@ def execute_history(
         n_before = len(done)
         pool.ready(study)
         clock = time.perf_counter()
-        level = level_of(study, study.scenes[0], plan.level, not plan.loose)
+        level = level_of(study, study.scenes[0], plan.level)
         seconds = time.perf_counter() - clock
         for record in _steps(study, level, _last_steps(study, done), pool, seconds):
             journal.add(record)
@@ -251,7 +251,7 @@ def follow_point(
     assert plan is not None
     if key not in _level_of_worker:
         _level_of_worker.clear()
-        _level_of_worker[key] = level_of(study, study.scenes[0], plan.level, not plan.loose)
+        _level_of_worker[key] = level_of(study, study.scenes[0], plan.level)
     return list(_follow(study, _level_of_worker[key], study.scenes[1], point, last_step))
 
 
@@ -365,10 +365,12 @@ def problem_of(
     """
     stations = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
     first = stations[0].problem
-    lambda_1 = None if plan.loose else level.lambda_1(scene)
-    body = CondensedBody.known(
-        first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose
-    )
+    body = first.body
+    if level.is_held(scene):
+        lambda_1 = level.lambda_1(scene)
+        body = CondensedBody.known(
+            first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=False
+        )
     line = level.line
     memory_of_node = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
     model = MemoryModel(plan.memory, first.law, body.m, memory_of_node)

@@ -57,8 +57,9 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.existence import Existence, count_of_body, distances_of
-from tcstudy.offline.level import CondensedBlock, Level
+from tcstudy.offline.level import CondensedBlock, Level, loose_body
 from tcstudy.offline.requested_outputs import line_numbers
+from tcstudy.offline.unresisted import judged
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, load_axes, of_stiffness
 from tcstudy.scene.records import Scene
@@ -261,9 +262,12 @@ class LevelSolver:
         key = (Level.ratio(scene), mu)
         if key not in self.bodies:
             self.bodies.clear()
-            self.bodies[key] = CondensedBody.of(
-                mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error
-            )
+            A_tilde = mu * condensed.A_tilde
+            if condensed.is_held:
+                body = CondensedBody.of(A_tilde, condensed.c, condensed.lambda_1_error)
+            else:
+                body = loose_body(A_tilde, condensed.c)
+            self.bodies[key] = body
         return self.bodies[key]
 
     @cached_property
@@ -653,6 +657,15 @@ def block_record(
     laws: of the rows of the block;  seconds: for all of them
     """
     factor = condensed.mu / condensed.mu[0]  # stiffness of a point's body over that of the block's
+    if not condensed.is_held:
+        answers = judged(
+            answers,
+            condensed.l_tilde / factor[:, None],
+            laws,
+            condensed.c,
+            level.contact_motions(scenes[0]),
+            level.motions(scenes[0]).words,
+        )
     # without friction a solution has nothing but rounding of ξ, which the inclusion residual tells
     is_frictionless = np.array([scene.friction.vanishes for scene in scenes])
     is_zero = (answers.status == Status.CONVERGED) & is_frictionless

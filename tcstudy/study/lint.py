@@ -27,15 +27,10 @@ from tcstudy.data.files import Remark, check_writable
 from tcstudy.errors import NUMBER, GeometryFailed, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
+from tcstudy.laws.composed import bonded_edges
 from tcstudy.laws.pieces import DOWN
-from tcstudy.read.body import (
-    BoundaryPiece,
-    boundary_pieces,
-    edge_names,
-    mesh_faults,
-    support_fault,
-    supports,
-)
+from tcstudy.offline.level import motions_of_geometry
+from tcstudy.read.body import edge_names, mesh_faults, supports_fault
 from tcstudy.read.document import Collector, LocatedFault, located, tree_of
 from tcstudy.read.fields import names_needed
 from tcstudy.scene.guarantee import why_no_bound
@@ -48,11 +43,14 @@ from tcstudy.scene.records import (
     Material,
     Scene,
     exchanges,
+    resisting_edges,
+    supports,
 )
 from tcstudy.scene.study import Study
 from tcstudy.scene.units import BODY_FORCE, LENGTH, LINE_FORCE, TEMPERATURE, TRACTION
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
+from tcstudy.shapes.rigid_motions import BoundaryPiece, boundary_pieces
 from tcstudy.study import opening_notes
 from tcstudy.study.given import Load, Measures, loaded_scenes, loads, walked_scenes
 from tcstudy.study.workers import expected_bytes
@@ -680,14 +678,16 @@ def _of_regions(body: Body, geometry: Geometry) -> Iterator[LocatedFault]:
 
 def _of_supports(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
     """Yield a fault for rigid motions that the supports leave, once for each kind of support."""
-    pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
-    x, y = pieces[0].points[0]
-    centre = (float(x), float(y))
     kinds = dict[object, Boundary]()
     for scene in distinct(study.scenes, "boundary"):
         kinds.setdefault(supports(scene.boundary), scene.boundary)
+    bonded = frozenset[str]()
+    for scene in distinct(study.scenes, "friction"):
+        bonded |= bonded_edges(scene.friction)
     for boundary in kinds.values():
-        fault = support_fault(pieces, boundary, centre, geometry.size, ACCURACY)
+        resisting = resisting_edges(boundary, bonded)
+        motions = motions_of_geometry(geometry, boundary, resisting)
+        fault = supports_fault(motions, boundary, has_friction=bool(resisting))
         if fault is not None:
             yield ("boundary",), *fault
 

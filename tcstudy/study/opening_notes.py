@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
-from tcstudy.read.body import BoundaryPiece
 from tcstudy.scene.records import Contact, Material, Scene
+from tcstudy.shapes.rigid_motions import BoundaryPiece
 from tcstudy.shapes.thickness import thickness
 
 Array = NDArray[np.float64]

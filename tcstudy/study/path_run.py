@@ -130,7 +130,14 @@ def affine_load(
     l_1 = change / length
     span = (begin, end)
     problem = ParametricProblem(
-        first.A_tilde, loads[0] - begin * l_1, l_1, first.c, first.law, span, first.A_error
+        first.A_tilde,
+        loads[0] - begin * l_1,
+        l_1,
+        first.c,
+        first.law,
+        span,
+        first.A_error,
+        loose=first.body.loose,
     )
     return AffineLoad(problem, _parabola([scene.constant for scene in condensed], span))
 
@@ -224,6 +231,9 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     if plan.complete:
         branches = all_branches(problem, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
     lowest_states = lowest(path)
+    slide = ""
+    if not level.is_held(plan.scene):
+        slide = f"the body can {level.motions(plan.scene).words} once the bond has failed"
     is_smooth = not load.problem.law.piecewise_linear
     values = {
         **vars(line),
@@ -242,18 +252,25 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         "parameter": plan.name,
         "parameter_range": np.array([plan.begin, plan.end]),
         "begin_status": path.begin.name.lower(),
-        "begin_reason": path.begin.reason,
+        "begin_reason": _end_reason(path.begin, slide),
         "end_status": path.end.name.lower(),
-        "end_reason": path.end.reason,
+        "end_reason": _end_reason(path.end, slide),
     }
     if plan.hysteresis:
         loop = hysteresis(problem, start, plan.begin, plan.end, plan.max_pieces, tolerance)
         values |= _loop_values(plan, load, problem, loop)
         attributes["loop_reason"] = loop.reason or "both ends of the range of t were reached"
+        if slide and loop.reason:
+            attributes["loop_reason"] = f"{slide} ({loop.reason})"
     if branches is not None:
         values |= _branch_values(plan, load, path, branches)
         attributes["complete_reason"] = branches.reason
     return Record("path", PATH, values, attributes)
+
+
+def _end_reason(status: PathStatus, slide: str) -> str:
+    """Return why a path ends. slide: what a body that contact alone holds can do, else empty"""
+    return slide if slide and status == PathStatus.UNBOUNDED else str(status.reason)
 
 
 def _level_of(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:

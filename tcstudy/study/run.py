@@ -173,18 +173,17 @@ def stages(
             return
 
 
-def level_of(study: Study, scene: Scene, number: int | None, is_restrained: bool = True) -> Level:
+def level_of(study: Study, scene: Scene, number: int | None) -> Level:
     """Return a level of a study by its number, None for the finest.
 
     Coarser meshes are made on the way to it.
-    is_restrained: whether supports or springs restrain the body, not friction alone
     Raises GeometryFailed.
     """
     meshes = Meshes(study)
     finest = study.mesh.levels - 1 if number is None else number
     for coarser in range(finest):
         meshes.next(coarser)
-    return Level(meshes.next(finest), scene, held=is_restrained)
+    return Level(meshes.next(finest), scene)
 
 
 def meshes_of(study: Study) -> Meshes:

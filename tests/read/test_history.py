@@ -20,7 +20,6 @@ history:
     - {theta: 5 K, boundary.top.pressure: 2 MPa}
   repeat: 3
 """
-LOOSE = BASE.replace("left: clamped", "left: free")
 BY_EDGE = BASE.replace("memory: friction", "memory: {bond: friction, joint: friction}").replace(
     "rectangle: {width: 20 m, height: 1 m}",
     "outline: [{from: [0, 0], edge: bond}, {from: [9, 0], edge: joint}, {from: [20, 0], edge: right}, "
@@ -38,12 +37,7 @@ def plan_of(text: str) -> HistoryPlan:
 
 def test_a_history_is_read_with_its_lines() -> None:
     plan = plan_of(BASE)
-    assert (plan.steps, plan.repeat, plan.names, plan.loose) == (
-        27,
-        3,
-        ("theta", "pressure"),
-        False,
-    )
+    assert (plan.steps, plan.repeat, plan.names) == (27, 3, ("theta", "pressure"))
     assert plan.stations()[0] == {("heat", "theta"): 5.0, ("boundary", "top", "pressure"): 1e6}
     assert [line.name for line in plan.lines] == ["hot", "theta 5 K, boundary.top.pressure 2 MPa"]
     schedule = list(plan.schedule())
@@ -62,12 +56,10 @@ def test_a_history_is_read_with_its_lines() -> None:
         2e6,
         2e6,
     ]
-    assert plan_of(LOOSE).loose
     assert plan_of(BY_EDGE).memory.words == "friction"
     assert plan_of(
         BY_EDGE.replace("{bond: f", "{joint: damage, bond: f").replace(", joint: friction", "")
     ).memory.edges
-    assert plan_of(BY_EDGE.replace("left: clamped", "left: free")).loose
     assert plan_of(FORCED).names == ("theta", "force_x")
 
 

@@ -41,6 +41,7 @@ class ParametricProblem:
     law:     friction law b [Pa] of the slip [m], or the laws of the nodes (tcstudy/laws)
     span:    two values of t whose loads are the scale of residuals where the law has none
     A_error: as in `ContactProblem`
+    loose:   Ã is only semidefinite: the body has a rigid motion, which friction alone resists
 
     t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a
     load step.
@@ -53,6 +54,7 @@ class ParametricProblem:
     law: Laws
     span: tuple[float, float] = (0.0, 1.0)
     A_error: float = 0.0
+    loose: bool = False
 
     @property
     def m(self) -> int:
@@ -79,11 +81,20 @@ class ParametricProblem:
 
     def at(self, t: float) -> ContactProblem:
         """Return the problem of one t."""
+        if self.loose:
+            return ContactProblem.on(self._condensed(0.0), self.load(t), self.law)
         return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
+
+    def _condensed(self, lambda_1: float) -> CondensedBody:
+        """Return the record of the body, with λ₁ known [Pa/m]."""
+        loose = True if self.loose else None
+        return CondensedBody.known(
+            self.A_tilde, self.c, self.A_error, lambda_1=lambda_1, loose=loose
+        )
 
     def rows(self, t: Array, lambda_1: float) -> ContactProblem:
         """Return the problems of many t (n,), with λ₁ known [Pa/m]."""
-        body = CondensedBody.known(self.A_tilde, self.c, self.A_error, lambda_1=lambda_1)
+        body = self._condensed(lambda_1)
         index = np.atleast_2d(self.law.index)
         laws = self.law.tables.at(np.broadcast_to(index, (len(t), index.shape[1])))
         return ContactProblem.on(body, self.l_0 + t[:, None] * self.l_1, laws)
@@ -110,7 +121,7 @@ class ParametricProblem:
     @cached_property
     def body(self) -> ScaledBody:
         """Ã in working units; raises ValueError if it is not positive definite."""
-        return ScaledBody.of(self.A_tilde)
+        return ScaledBody.of(self.A_tilde, held=not self.loose)
 
     @cached_property
     def graph(self) -> LawGraph:

@@ -303,8 +303,7 @@ def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
     t, vertices = data["parameter"].values, folds_of(data)
     reach = at(t.min(), t.max())
     yield f"  Path along {data.attrs['parameter']} from {at(first, last)}, reaching {reach}"
-    omega = float(data["omega"]) / float(data["lambda_1"])
-    yield f"  {_sizes(data)}; omega/lambda_1 = {number(omega)}"
+    yield f"  {_sizes(data)}; {_softening(data)}"
     lost_digits = digits_lost(float(data.get("lambda_1_error", 0.0)))
     if lost_digits:
         yield f"  {lost_digits}"
@@ -321,6 +320,14 @@ def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
         yield f"  the law is replaced by linear segments, relative error {number(law_error, 1)}"
     yield f"  begins at {at(t[0])}: {data.attrs['begin_reason']}"
     yield f"  ends at {at(t[-1])}: {data.attrs['end_reason']}"
+
+
+def _softening(data: Any) -> str:
+    """Return ω relative to the stiffness of the body."""
+    lambda_1 = float(data["lambda_1"])
+    if lambda_1 == 0.0:
+        return "lambda_1 = 0, only friction restrains rigid-body motion"
+    return f"omega/lambda_1 = {number(float(data['omega']) / lambda_1)}"
 
 
 def _sizes(data: Any) -> str:

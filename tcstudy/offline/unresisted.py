@@ -1,0 +1,96 @@
+"""Rigid motions that a load sets off where contact alone holds a body.
+
+With Ãr = 0 for a rigid motion r at the contact nodes, an equilibrium has rᵀξ = rᵀl̃. The force of
+friction along r is at most
+    Σ sup c_i r_i b̂_i over all slips,
+and no load beyond that has an equilibrium. Below it, a softening bond can still fail, from its
+loaded end on. A descent then runs along r without end, and rounding hides where it is: Ãv is the
+difference of large numbers. Answers are therefore accepted only if their forces along r balance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.contact.certificates import far, value_range
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import Answer
+from tcstudy.laws.laws import Laws
+
+Array = NDArray[np.float64]
+
+MAX_RESIDUAL = 1e-6
+"""Largest inclusion residual of an equilibrium of a loose body, however much rounding allows."""
+MAX_IMBALANCE = 0.5
+"""Largest part of the load along a motion that friction may leave without balance."""
+REMEDY = "pull by a displacement (a rigid edge with u_x or u_y), or lower the load"
+
+
+def judged(
+    answers: Answer, loads: Array, laws: Laws, c: Array, motions: Array, words: str
+) -> Answer:
+    """Return the answers of a loose body, those that are no equilibria as failed with the reason.
+
+    loads:   (P, m) l̃ [N/m];  laws: of the rows
+    motions: (k, m) rigid motions r at the contact DOFs;  words: these in words
+    """
+    push = loads @ motions.T
+    strength = _strength(laws, c, motions, push)
+    low, high = laws.interval(answers.v)
+    friction = np.clip(answers.xi, c * low, c * high) @ motions.T
+    size = laws.b_scale * (np.abs(motions) @ c)
+    is_balanced = np.abs(push - friction) <= MAX_IMBALANCE * np.abs(push) + MAX_RESIDUAL * size
+    is_solution = answers.status == Status.CONVERGED
+    is_solution &= answers.inclusion_residual <= MAX_RESIDUAL
+    is_solution &= np.all(is_balanced, axis=1)
+    excess = np.max(np.abs(push) / np.maximum(strength, np.finfo(float).tiny), axis=1)
+    reasons = list(answers.reason)
+    for row in np.flatnonzero(~is_solution).tolist():
+        reasons[row] = _reason(words, float(excess[row]))
+    status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
+    certificate = answers.certificate
+    if certificate is not None:
+        unproved = {
+            name: getattr(certificate, name) & is_solution
+            for name in ("unique", "strict_minimum", "global_minimum")
+        }
+        certificate = replace(certificate, **unproved)
+    return replace(
+        answers,
+        status=status.astype(np.int8),
+        reason=tuple(reasons),
+        limited=answers.limited & is_solution,
+        certificate=certificate,
+    )
+
+
+def _reason(words: str, excess: float) -> str:
+    """Return why there is no equilibrium. excess: load over the largest force of friction"""
+    if not np.isfinite(excess) or excess > 1.0 / MAX_RESIDUAL:
+        return f"it can {words}, and no friction resists that: {REMEDY}"
+    if excess > 1.0:
+        fault = (
+            f"it can {words}: the load along that is {excess:.3g} times what friction can resist"
+        )
+        return f"{fault}; {REMEDY}"
+    fault = f"it can {words} once the bond has failed, and no equilibrium was found before that"
+    return f"{fault}; {REMEDY}, or follow the path of the load to its peak"
+
+
+def _strength(laws: Laws, c: Array, motions: Array, push: Array) -> Array:
+    """Return (P, k) the largest force of friction against a push along motions [N/m]."""
+    reach = np.broadcast_to(far(laws)[laws.index], push.shape[:1] + c.shape)
+    least, largest = value_range(laws, -reach, reach)
+    rises = [laws.slope(slip, laws.locate(slip).piece) > 0.0 for slip in (-reach, reach)]
+    least = np.where(rises[0], -np.inf, least)
+    largest = np.where(rises[1], np.inf, largest)
+    strength = np.zeros(push.shape)
+    for k, motion in enumerate(motions):
+        moves = motion != 0.0
+        forces = [(c * motion * b)[:, moves] for b in (least, largest)]
+        against = np.maximum(*forces).sum(axis=1), -np.minimum(*forces).sum(axis=1)
+        strength[:, k] = np.where(push[:, k] >= 0.0, *against)
+    return strength
