@@ -221,7 +221,7 @@ def _meant_of_law(root: Node, path: Keys) -> str:
     """Return the parameter of the study's law that a misspelt path stands for; empty for none."""
     section = path[0]
     law = root.at(section, "law")
-    if section not in LAWS or law is None or law.value not in SHAPES:
+    if section not in LAWS or law is None or str(law.value) not in SHAPES:
         return ""
     name = nearest(path[-1], list(parameter_names(str(law.value), section)))
     return f"{section}.{name}" if name and len(path) == 2 else ""

@@ -91,6 +91,21 @@ exact:
 output: {live: true, fields: true}
 """
 """Exact loads, and what a page computes itself."""
+OPENING = """\
+body: {rectangle: {width: 60 mm, height: 20 mm}}
+boundary:
+  bottom: contact
+  right: {role: contact, normal: held}
+  left: clamped
+  top: {role: traction, g: [0, 1 MPa]}
+material: {E: 70 GPa, nu: 0.2}
+friction: {right: {law: tresca, tau: 2 MPa}}
+adhesion:
+  bottom: {law: trapezoidal, sigma: 3 MPa, s0: 2 um, s1: 5 um, G_f: 30 J/m^2, closing: 200 GPa/m, strength: "1 + x"}
+mesh: {maxh: 5 mm}
+sweep: {adhesion.bottom.closing: [rigid, 300 GPa/m], adhesion.bottom.sigma: {linspace: [2 MPa, 3 MPa, 2]}}
+"""
+"""An edge that opens beside one that is held."""
 
 TEXTS = (
     "", " ", "x", "free", "derived", "contact", "clamped", "null", "~", "5", "5 kg", "5 mm", "-3 GPa", "1,5",
@@ -270,6 +285,7 @@ def sources() -> list[str]:
         EVERY_KEY,
         FROM_A_FILE,
         DERIVED,
+        OPENING,
         *(text.replace("points: 64 ", "points: 4 ") for text in shipped),
     ]
 

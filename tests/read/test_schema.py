@@ -19,7 +19,7 @@ from tcstudy.read.schema import FRAGMENTS, schema, schema_text
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.designs import PARAMETERS
 from tcstudy.scene.keys import ROWS, rows
-from tests.benchmarks.mutated import EVERY_KEY, sources, spoil, yaml_of
+from tests.benchmarks.mutated import EVERY_KEY, OPENING, sources, spoil, yaml_of
 from tests.read.keys_in_words import markdown
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +35,8 @@ def data(text: str) -> Any:
 
 def test_the_schema_is_one_and_the_file_that_studies_name_is_it() -> None:
     jsonschema.Draft202012Validator.check_schema(schema())
-    assert [error.message for error in CHECK.iter_errors(data(EVERY_KEY))] == []
+    for text in (EVERY_KEY, OPENING):
+        assert [error.message for error in CHECK.iter_errors(data(text))] == []
     text = (ROOT / "configs" / "study.schema.json").read_text(encoding="utf-8")
     assert text == schema_text(), "write it again: tcstudy init in a folder, its study.schema.json"
 
