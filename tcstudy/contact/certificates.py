@@ -446,7 +446,13 @@ def certify(
         residual = extended(problem, v).residual
     loose = None if lambda_1 > 0.0 else True
     body = CondensedBody.known(
-        problem.A_tilde, problem.c, error, lambda_1=lambda_1, inverse=inverse, loose=loose
+        problem.A_tilde,
+        problem.c,
+        error,
+        problem.blocks,
+        lambda_1=lambda_1,
+        inverse=inverse,
+        loose=loose,
     )
     rows = ContactProblem.on(body, problem.l_tilde, problem.law).rows
     certificates = certify_rows(rows, v[None], tolerance, np.array([residual]))

@@ -200,7 +200,8 @@ def descend_nested(
     """
     copies = rows.coarse()
     if copies is not None:
-        ended = descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse)
+        coarse_start = start[:, rows.body.coarse_nodes]
+        ended = descend_nested(copies, coarse_start, max(tolerance, coarse), minima, coarse)
         v = ended.v @ rows.body.P.T
         is_lower = rows.energy(v) < rows.energy(start)
         start = np.where(is_lower[:, None], v, start)

@@ -84,21 +84,26 @@ class CondensedBody:
     c:       (m,) segment lengths meas(S_i) > 0 [m]
     A_error: as in ContactProblem
     shared:  many problems on it are to be solved, so that Ã⁻¹ pays
+    blocks:  as in ContactProblem
     """
 
     A_tilde: Array
     c: Array
     A_error: float = 0.0
     shared: bool = True
+    blocks: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, A_tilde: Array, c: Array, A_error: float = 0.0) -> CondensedBody:
+    def of(
+        cls, A_tilde: Array, c: Array, A_error: float = 0.0, blocks: tuple[int, ...] = ()
+    ) -> CondensedBody:
         """Return the record of Ã (m, m) and c (m,) with all derived quantities computed.
 
         They take two factorisations and an eigenvalue. Raises ValueError if Ã is not positive
         definite: then the body can move freely.
         """
-        body = cls(np.array(A_tilde, dtype=float, order="C"), np.array(c, dtype=float), A_error)
+        A_tilde = np.array(A_tilde, dtype=float, order="C")
+        body = cls(A_tilde, np.array(c, dtype=float), A_error, blocks=blocks)
         if body.loose:
             raise ValueError(
                 "the condensed stiffness is not positive definite: "
@@ -113,12 +118,19 @@ class CondensedBody:
         return body
 
     @classmethod
-    def known(cls, A_tilde: Array, c: Array, A_error: float = 0.0, **facts: Any) -> CondensedBody:
+    def known(
+        cls,
+        A_tilde: Array,
+        c: Array,
+        A_error: float = 0.0,
+        blocks: tuple[int, ...] = (),
+        **facts: Any,
+    ) -> CondensedBody:
         """Return the record for one problem, with its cached properties that are already known.
 
         facts: such as `lambda_1` and `inverse`; None for an unknown one
         """
-        body = cls(A_tilde, c, A_error, shared=False)
+        body = cls(A_tilde, c, A_error, shared=False, blocks=blocks)
         vars(body).update({name: fact for name, fact in facts.items() if fact is not None})
         return body
 
@@ -151,7 +163,17 @@ class CondensedBody:
             return None
         product = self.P.T @ (self.P.T @ self.A_tilde).T
         A_tilde = np.ascontiguousarray(0.5 * (product + product.T))
-        return CondensedBody(A_tilde, self.P.T @ self.c, shared=self.shared)
+        blocks = tuple((size + 1) // 2 for size in self.blocks)
+        return CondensedBody(A_tilde, self.P.T @ self.c, shared=self.shared, blocks=blocks)
+
+    @cached_property
+    def coarse_nodes(self) -> Index | slice:
+        """The nodes of the coarse copy: every second one of each block."""
+        if not self.blocks:
+            return slice(None, None, 2)
+        stops = np.cumsum(self.blocks).tolist()
+        blocks = zip(self.blocks, stops, strict=True)
+        return np.concatenate([np.arange(stop - size, stop, 2) for size, stop in blocks])
 
     @cached_property
     def shift(self) -> float:
@@ -160,13 +182,10 @@ class CondensedBody:
 
     @cached_property
     def P(self) -> scipy.sparse.csr_matrix:
-        """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, … of the coarse copy."""
-        n_coarse = (self.m + 1) // 2
-        node = np.arange(self.m)
-        row = np.tile(node, 2)
-        column = np.concatenate([node // 2, np.minimum((node + 1) // 2, n_coarse - 1)])
-        weight = np.full(2 * self.m, 0.5)
-        return scipy.sparse.csr_matrix((weight, (row, column)), shape=(self.m, n_coarse))
+        """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, … of each block."""
+        if self.blocks:
+            return scipy.sparse.block_diag([interpolation(m) for m in self.blocks], "csr")
+        return interpolation(self.m)
 
     @cached_property
     def rounding(self) -> float:
@@ -174,6 +193,16 @@ class CondensedBody:
         condition = float(np.linalg.norm(self.A_tilde, 1) * np.linalg.norm(self.inverse, 1))
         rounding = 8.0 * self.m * float(np.finfo(float).eps) * condition
         return rounding + (1.0 - trusted_share(self.A_error))
+
+
+def interpolation(m: int) -> scipy.sparse.csr_matrix:
+    """Return (m, ⌈m/2⌉) linear interpolation to m nodes from the nodes 0, 2, 4, … of them."""
+    n_coarse = (m + 1) // 2
+    node = np.arange(m)
+    row = np.tile(node, 2)
+    column = np.concatenate([node // 2, np.minimum((node + 1) // 2, n_coarse - 1)])
+    weight = np.full(2 * m, 0.5)
+    return scipy.sparse.csr_matrix((weight, (row, column)), shape=(m, n_coarse))
 
 
 @dataclass(frozen=True)
@@ -186,6 +215,8 @@ class ContactProblem:
     law:     friction law b [Pa] of the slip [m], or those of nodes, of rows, of both (tcstudy/laws)
     A_error: relative error of Ã in its softest direction, and so of λ₁: proofs hold for
              (1 − A_error) Ã, too
+    blocks:  sizes of the blocks of nodes that lie along Γ_C by themselves, such as slips and then
+             openings; () for one block
 
     All methods that take one v (m,) take rows (R, m) as well; numbers then are (R,).
     """
@@ -195,11 +226,12 @@ class ContactProblem:
     c: Array
     law: Laws
     A_error: float = 0.0
+    blocks: tuple[int, ...] = ()
 
     @classmethod
     def on(cls, body: CondensedBody, l_tilde: Array, law: Laws) -> ContactProblem:
         """Return the problem, or rows of them, on a body whose record is known."""
-        problem = ContactProblem(body.A_tilde, l_tilde, body.c, law, body.A_error)
+        problem = ContactProblem(body.A_tilde, l_tilde, body.c, law, body.A_error, body.blocks)
         vars(problem)["body"] = body
         return problem
 
@@ -212,7 +244,7 @@ class ContactProblem:
     def body(self) -> CondensedBody:
         """The body's record, made of Ã and c alone."""
         A_tilde = np.ascontiguousarray(self.A_tilde, dtype=float)
-        return CondensedBody.known(A_tilde, self.c, self.A_error)
+        return CondensedBody.known(A_tilde, self.c, self.A_error, self.blocks)
 
     @cached_property
     def rows(self) -> ContactProblem:
@@ -232,7 +264,7 @@ class ContactProblem:
         """Return the same rows on the body's coarse copy, if it has one."""
         if self.body.coarse is None:
             return None
-        laws = self.law.of_nodes((slice(None), slice(None, None, 2)))
+        laws = self.law.of_nodes((slice(None), self.body.coarse_nodes))
         return ContactProblem.on(self.body.coarse, self.l_tilde @ self.body.P, laws)
 
     def energy(self, v: Array) -> Any:

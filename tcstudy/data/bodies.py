@@ -318,9 +318,10 @@ class StoredBody:
 
     def _find_extents(self, level: int) -> dict[str, slice]:
         m = int(self.once("n_contact", level))
-        extents = {"node": slice(0, m), "node_column": slice(0, m)}
         group = self.group(level)
         padded = {"held_end": "held_arclength", "joint": "joint_node", "rim_segment": "rim_edge"}
+        padded["opening_node"] = "opening_arclength"
+        extents = dict[str, slice]()
         for dim, name in padded.items():
             if name in group.variables:
                 variable = group[name]
@@ -328,6 +329,8 @@ class StoredBody:
                 row = self._values(variable)[tuple(index.get(d, 0) for d in variable.dimensions)]
                 is_padding = np.isnan(row) if row.dtype.kind == "f" else row == MISSING_COUNT
                 extents[dim] = slice(0, int(np.count_nonzero(~is_padding)))
+        m -= extents.get("opening_node", slice(0, 0)).stop
+        extents["node"] = extents["node_column"] = slice(0, m)
         for variable in MESH_COUNTS:
             if variable.name in group.variables:
                 counts = self._values(group[variable.name])

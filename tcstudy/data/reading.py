@@ -167,8 +167,9 @@ def read_level(body: StoredBody, level: int) -> LevelRecord:
         values["stop"] = str(body.once("stop", level))
     meanings = str(body.attributes(group["edge"]).get("flag_meanings", ""))
     fields = dict[str, Values]()
-    for variable in (*schema.MESH, *schema.RIM, schema.REGION, *schema.HELD[:-1], *schema.JOINTS):
-        if variable.name in group.variables:
+    once = (*schema.MESH, *schema.RIM, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
+    for variable in (*once, *schema.OPENING):
+        if variable.name in group.variables and SWEEP not in variable.dims:
             array = body.read(group[variable.name], level)
             if len(array):
                 fields[variable.name] = array
@@ -208,6 +209,9 @@ def read_blocks(
                 u_T=values.pop("u_T", None),
                 xi=values.pop("xi", None),
                 sticks=values.pop("sticks", None),
+                opening=values.pop("opening", None),
+                S_N=values.pop("S_N", None),
+                rests_N=values.pop("rests_N", None),
                 fields={v.name: values.pop(v.name) for v in schema.FIELDS if v.name in values},
                 numbers=values,
                 solutions=solutions,
@@ -228,7 +232,8 @@ def _line_values(
     """Return (R, …) values along the contact line, and fields, at rows of a cut, by name."""
     values = dict[str, Values]()
     group = body.group(level)
-    for variable in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS):
+    line = (*schema.CONTACT, *schema.OPENING, *line_variables(study), *schema.HELD)
+    for variable in (*line, *schema.FIELDS):
         if SWEEP in variable.dims and variable.name in group.variables:
             array = body.rows(group[variable.name], level, cut)[rows]
             # a geometry may have no held ends although others of the file have some
@@ -249,7 +254,7 @@ def _solutions(body: StoredBody, level: int, places: Places, rows: Places) -> di
     solution_places = np.asarray(group["solution_point"][...])
     belongs = np.isin(solution_places, stored_places[rows])
     columns = dict[str, Values]()
-    for variable in (*schema.SOLUTION, schema.EXISTENCE_RADIUS):
+    for variable in (*schema.SOLUTION, *schema.SOLUTION_OPENING, schema.EXISTENCE_RADIUS):
         if variable.name in group.variables:
             columns[variable.name] = body.read(group[variable.name], level)[belongs]
     points = np.searchsorted(stored_places, solution_places[belongs])

@@ -51,13 +51,14 @@ class LevelRecord:
     """A mesh level and its contact line.
 
     h_max:      largest element edge [m]
-    n_dof:      number of displacement DOFs;  n_contact: number of contact DOFs m
+    n_dof:      number of displacement DOFs;  n_contact: number of contact DOFs, slips and openings
     arclength, x, y, c: (m,) contact nodes in order along Γ_C, and their segment lengths c_i [m]
     edge:       (m,) index into edge_names of the contact edge that a node lies on
     time_mesh, time_assemble: wall time of this level's mesh and matrices [s]
     fields:     further arrays by name: on request the mesh "node_x", "node_y" (n,), "triangle"
-                (t, 3); held ends of Γ_C and joints of its edges (data.schema.HELD, JOINTS); the
-                boundary of a body from a CAD file (data.schema.RIM)
+                (t, 3); held ends of Γ_C and joints of its edges (data.schema.HELD, JOINTS); nodes
+                that may lift off (data.schema.OPENING); the boundary of a body from a CAD file
+                (data.schema.RIM)
     stop:       why refinement ended on this level; empty if it went on or was not asked for
     """
 
@@ -92,6 +93,8 @@ class BlockRecord:
     sticks:  (P, m) 1 where the node rests on an up-jump of the friction law, else 0; −1 where that
              is not known
     fields:  (P, n) whole-body nodal fields by name, on request; NaN in rows without
+    opening, S_N, rests_N: (P, k) openings [m], normal tractions [Pa], and flags as `sticks`, of the
+             nodes that may lift off; None where no edge does
     solutions: all solutions of all points, on request, by the names of data.schema.SOLUTION
     """
 
@@ -106,9 +109,19 @@ class BlockRecord:
     sticks: NDArray[np.int8] | None = None
     fields: dict[str, Array] = field(default_factory=dict)
     solutions: dict[str, NDArray[Any]] = field(default_factory=dict)
+    opening: Array | None = None
+    S_N: Array | None = None
+    rests_N: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def v(self) -> Array | None:
+        """All contact unknowns (P, m): slips, then openings [m]."""
+        if self.u_T is None or self.opening is None:
+            return self.u_T
+        return np.hstack([self.u_T, self.opening])
 
     def index(self, row: int) -> tuple[int, ...]:
         """Return the index of the point of a row along each dimension of the sweep."""

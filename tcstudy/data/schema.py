@@ -186,6 +186,10 @@ NOT_JUDGED, BALANCED, UNBALANCED = 0, 1, 2
 MET, LIMITED = 1, 2
 UNKNOWN, STICKS = -1, 1
 _INTEGRAL = "integral of -S_T over the contact line, per unit thickness"
+_INTEGRAL_N = (
+    "integral of S_N over the edges that lift off, per unit thickness, positive in tension"
+)
+_MIXITY = "angle of the works of slip and opening where they are largest, 90 for slip alone"
 _SLIPPING = "length of the contact line that does not stick"
 _ROUNDED = (
     "limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding"
@@ -301,6 +305,30 @@ def region_variables(study: Study) -> tuple[FileVariable, ...]:
     return tuple(v for v in REGIONS if v.name.removesuffix("_length") in regions)
 
 
+_OVER_LINE = "at the contact nodes"
+OPENINGS: tuple[FileVariable, ...] = (
+    result("opening_max", "m", "largest opening", _OVER_LINE),
+    result("peel_stress_max", "Pa", "largest peel stress", f"tension across the bond {_OVER_LINE}"),
+    result("pressure_max", "Pa", "largest contact pressure", _OVER_LINE),
+    result(
+        "opened_length", "m", "opened length", "of the contact line where the opening is above 0"
+    ),
+    result("adhesion_resultant", "N m-1", "normal resultant", _INTEGRAL_N),
+    result("mode_mixity", "degree", "mode mixity", _MIXITY),
+)
+"""Results of studies with edges that may lift off."""
+
+
+def opening_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Return the variables by point of a study with edges that may lift off, else none."""
+    if not study.opens:
+        return ()
+    either = "beyond the last softening of b of the slip or of the opening"
+    debonded = result("debonded_length", "m", "debonded length", either)
+    has_debonded = any(v.name == debonded.name for v in region_variables(study))
+    return OPENINGS if has_debonded else (*OPENINGS, debonded)
+
+
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
 _LISTED = "not_proved counts the equilibria found; of_the_polygon: of a polygon within 1e-3 of b"
 EVERY: tuple[FileVariable, ...] = (
@@ -337,6 +365,17 @@ SOLUTION: tuple[FileVariable, ...] = (
     ),
 )
 """All solutions of all points of a level, point by point, the lowest energy of a point first."""
+_AT_OPENING = ("opening_node",)
+SOLUTION_OPENING: tuple[FileVariable, ...] = (
+    FileVariable("solution_opening", "f8", "m", "opening -u_N", (*_SOLUTION, *_AT_OPENING)),
+    FileVariable("solution_S_N", "f8", "Pa", "normal traction S_N", (*_SOLUTION, *_AT_OPENING)),
+    FileVariable(
+        *("solution_piece_N", "i4", "1", "segment of the graph of the law of the opening"),
+        (*_SOLUTION, *_AT_OPENING),
+        _SIDES,
+    ),
+)
+"""Of solutions of studies with edges that may lift off, beside SOLUTION."""
 EXISTENCE_RADIUS = FileVariable(
     "existence_radius",
     "f8",
@@ -550,6 +589,41 @@ JOINTS: tuple[FileVariable, ...] = (
 )
 """Nodes with the friction of two contact edges (`tcstudy.laws.composed`)."""
 
+_OPENS = {"coordinates": "opening_arclength opening_x opening_y"}
+_RESULT_AT_OPENING = {**JUDGED, **_OPENS}
+_ON_OPENING = (SWEEP, *_AT_OPENING)
+OPENING: tuple[FileVariable, ...] = (
+    place("opening_arclength", "arc length of the node that may lift off", _AT_OPENING),
+    *(
+        place(f"opening_{name}", f"{name} of the node that may lift off", _AT_OPENING)
+        for name in "xy"
+    ),
+    FileVariable("opening_edge", "i1", "1", "contact edge of it", _AT_OPENING, extra=_OPENS),
+    FileVariable(
+        "c_N",
+        "f8",
+        "m",
+        "tributary length of the node, of edges that lift off",
+        _AT_OPENING,
+        extra=_OPENS,
+    ),
+    FileVariable(
+        *("opening", "f8", "m", "opening -u_N", _ON_OPENING),
+        "positive where the body has lifted off the foundation",
+        _RESULT_AT_OPENING,
+    ),
+    FileVariable(
+        *("S_N", "f8", "Pa", "normal traction S_N", _ON_OPENING, "positive in tension"),
+        _RESULT_AT_OPENING,
+    ),
+    FileVariable(
+        *("rests_N", "i1", "1", "rests, on a vertical segment of the law", _ON_OPENING),
+        extra={**flags("unknown", "free", "rests", first=UNKNOWN), **_RESULT_AT_OPENING},
+        no_value=UNKNOWN,
+    ),
+)
+"""Nodes of contact edges that may lift off the foundation; a study without any has none of these."""
+
 MESH_TOPOLOGY: dict[str, Any] = {
     "cf_role": "mesh_topology",
     "long_name": "triangulation of the body",
@@ -638,9 +712,11 @@ MESH_GEOMETRY = FileVariable(
     "mesh_geometry", "i4", "1", "number of the geometry", ("mesh_face",), extra=_FACE
 )
 """Variables beside MESH of a level of several geometries, by which the mesh of one is found."""
+EDGE_FLAGS = ("edge", "joint_edge", "opening_edge")
+"""Variables whose flags mean the contact edges."""
 NO_EDGE, NONE = -1, "none"
 """Flag, and its meaning, behind the end of a contact line that is shorter than others."""
-_ENDS = ("node", "held_end", "joint", "rim_segment")
+_ENDS = ("node", "held_end", "joint", "rim_segment", "opening_node")
 """Dimensions whose lengths differ from geometry to geometry, and which are padded."""
 
 
@@ -658,12 +734,14 @@ def among_geometries(variable: FileVariable) -> FileVariable:
     return replace(variable, no_value=NO_EDGE) if variable.dtype == "i1" else variable
 
 
-ONCE = frozenset(v.name for v in (*CONTACT, *HELD, *JOINTS, *RIM, *LIVE) if SWEEP not in v.dims)
+_LINES = (*CONTACT, *OPENING, *HELD, *JOINTS, *RIM, *LIVE)
+ONCE = frozenset(v.name for v in _LINES if SWEEP not in v.dims)
 """Names of the variables of a contact line that do not depend on the point."""
 
 _POINTS = (
     *ROOT,
     *REGIONS,
+    *OPENINGS,
     *EVERY,
     *SOLVERS,
     *ESTIMATES,
@@ -672,8 +750,10 @@ _POINTS = (
 _ALL = (
     *_POINTS,
     *SOLUTION,
+    *SOLUTION_OPENING,
     EXISTENCE_RADIUS,
     *CONTACT,
+    *OPENING,
     SECTION,
     *HELD,
     *JOINTS,
@@ -743,6 +823,8 @@ def _expected_tables(
     yield ROOT, {"level": study.mesh.levels, "start": len(START_NAMES)}
     for m, n in levels:
         yield CONTACT, {"node": m}
+        if study.opens:  # m counts slips and openings, here as if all were both
+            yield OPENING, {"opening_node": m}
         if study.output.fields:
             yield (*MESH, *FIELDS), {"mesh_node": n, "mesh_face": 2 * n, "corner": 3}
         if study.output.live and m <= 250:

@@ -171,6 +171,7 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
     return (
         *schema.ROOT,
         *schema.region_variables(study),
+        *schema.opening_variables(study),
         *(schema.SOLVERS if len(study.solver.names) > 1 else ()),
         *schema.guaranteed_variables(study),
         *(schema.EVERY if study.solver.every else ()),
@@ -228,6 +229,7 @@ _SIZED = {
     "node": "x",
     "held_end": "held_x",
     "joint": "joint_node",
+    "opening_node": "opening_x",
     "rim_segment": "rim_edge",
     "mesh_node": "node_x",
     "mesh_face": "triangle",
@@ -640,7 +642,8 @@ def _values(block: BlockRecord) -> dict[str, Any]:
     reasons = np.full(len(block), "", dtype=object)
     for row, reason in block.reasons.items():
         reasons[row] = without_paths(reason)
-    along = {name: getattr(block, name) for name in ("status", "u_T", "xi", "sticks")}
+    names = ("status", "u_T", "xi", "sticks", "opening", "S_N", "rests_N")
+    along = {name: getattr(block, name) for name in names}
     return along | block.numbers | {"reason": reasons}
 
 
@@ -697,12 +700,15 @@ def _put_level(nc: netCDF4.Dataset, contents: _Contents, level: LevelRecord) -> 
             live[variable.name] = level.fields[name]
     if live:
         put_all(group.createGroup("live"), schema.LIVE, live, study)
-    line = (*schema.CONTACT, *schema.HELD, *schema.JOINTS)
+    line = (*schema.CONTACT, *schema.OPENING, *schema.HELD, *schema.JOINTS)
     put_all(group, line, {**vars(level), **level.fields}, study)
     held = level.fields.get("held_x", ())
     along = [*schema.CONTACT, *line_variables(study)]
     along += schema.HELD if len(held) else ()
-    sizes = {"node": level.n_contact, "held_end": len(held)}
+    openings = level.fields.get("opening_x", ())
+    along += schema.OPENING if len(openings) else ()
+    nodes = len(level.arclength)
+    sizes = {"node": nodes, "held_end": len(held), "opening_node": len(openings)}
     parts = _parts(group, level.level, study, _along(along, SWEEP), sizes, contents.sweep)
     _put_solutions(group, contents, level.level)
     return parts
@@ -729,18 +735,23 @@ def _fields(study: Study) -> tuple[FileVariable, ...]:
 
 
 def _put_solutions(
-    group: netCDF4.Group, contents: _Contents, level: int, nodes: int | None = None
+    group: netCDF4.Group,
+    contents: _Contents,
+    level: int,
+    longest: Mapping[str, int] | None = None,
 ) -> None:
     """Make, then write, all solutions of the points of a level, if the study asks for them.
 
-    nodes: of the longest contact line, if there are several geometries
+    longest: sizes of the dimensions of the longest contact line, if there are several geometries
     """
     blocks = contents.solutions.get(level, [])
-    if nodes is not None:
-        blocks = [_padded(block, nodes) for block in blocks]
+    if longest is not None:
+        blocks = [_padded(block, longest) for block in blocks]
     if not blocks:
         return
     variables = list(schema.SOLUTION)
+    if contents.study.opens:
+        variables += schema.SOLUTION_OPENING
     if all(schema.EXISTENCE_RADIUS.name in block for block in blocks):
         variables.append(schema.EXISTENCE_RADIUS)
     columns = dict[str, Any]()
@@ -751,13 +762,14 @@ def _put_solutions(
     put_all(group, variables, sorted_columns, contents.study)
 
 
-def _padded(solutions: Mapping[str, NDArray[Any]], nodes: int) -> Arrays:
-    """Return solutions of a geometry with missing values up to a number of nodes."""
+def _padded(solutions: Mapping[str, NDArray[Any]], longest: Mapping[str, int]) -> Arrays:
+    """Return solutions of a geometry with missing values up to sizes of dimensions."""
     padded = dict(solutions)
-    for variable in _along(schema.SOLUTION, "node"):
-        values = solutions[variable.name]
-        padded[variable.name] = missing(variable, (len(values), nodes))
-        padded[variable.name][:, : values.shape[1]] = values
+    for variable in (*schema.SOLUTION, *schema.SOLUTION_OPENING):
+        if variable.name in solutions and len(variable.dims) > 1:
+            values = solutions[variable.name]
+            padded[variable.name] = missing(variable, (len(values), longest[variable.dims[1]]))
+            padded[variable.name][:, : values.shape[1]] = values
     return padded
 
 
@@ -796,7 +808,7 @@ def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, max_size: 
     study, sizes = contents.study, contents.sizes[number]
     group = nc.createGroup(f"level_{number}")
     group.setncattr("level", np.int32(number))
-    ends = ("node", "held_end", "joint", "rim_segment")
+    ends = ("node", "held_end", "joint", "rim_segment", "opening_node")
     padded = {dim: sizes.longest(dim) for dim in (*ends, "node_column")}
     padded["rim_end"] = 2 if padded["rim_segment"] else 0
     for dim in (*ends, "rim_end"):
@@ -805,6 +817,7 @@ def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, max_size: 
     line = [*schema.CONTACT, *line_variables(study)]
     line += schema.HELD if padded["held_end"] else ()
     line += schema.JOINTS if padded["joint"] else ()
+    line += schema.OPENING if padded["opening_node"] else ()
     line += schema.RIM if padded["rim_segment"] else ()
     groups = {group: [among_geometries(v) for v in line]}
     if padded["node_column"]:
@@ -818,13 +831,13 @@ def _put_lines(nc: netCDF4.Dataset, contents: _Contents, number: int, max_size: 
         parts += _parts(target, number, study, once, padded, contents.outer, max_size)
         parts += _parts(target, number, study, swept, padded, contents.sweep, max_size)
     flags = schema.flags(schema.NONE, *sizes.edge_names, first=schema.NO_EDGE)
-    for name in {"edge", "joint_edge"} & {*group.variables}:
+    for name in {*schema.EDGE_FLAGS} & {*group.variables}:
         group[name].setncatts(dict(flags))
     if schema.RIM_EDGE.name in group.variables:
         names = (name for name, _ in study.scenes[0].boundary)
         meanings = schema.flags(schema.NONE, *names, first=schema.NO_EDGE)
         group[schema.RIM_EDGE.name].setncatts(dict(meanings))
-    _put_solutions(group, contents, number, padded["node"])
+    _put_solutions(group, contents, number, padded)
     return parts
 
 

@@ -199,12 +199,12 @@ def put_all(
 ) -> None:
     """Make, then write, the variables that have values by name.
 
-    The value `edge_names` gives the meanings of the flags of `edge` and `joint_edge`.
+    The value `edge_names` gives the meanings of the flags of `schema.EDGE_FLAGS`.
     """
     for variable in variables:
         if variable.name in values:
             new = put(group, variable, study, values[variable.name])
-            if variable.name in ("edge", "joint_edge") and values["edge_names"]:
+            if variable.name in schema.EDGE_FLAGS and values["edge_names"]:
                 new.setncatts(dict(schema.flags(*values["edge_names"])))
 
 

@@ -3,7 +3,7 @@
 Constraints:    Γ_D by component, u_N = 0 on Γ_C exactly, in a local frame where needed. At a node
                 with one constrained direction d it is (t, d) with t = (−d₂, d₁), so that the first
                 local component is free and the second is fixed; on Γ_C that is (u_T, u_N). Two
-                directions fix the node.
+                directions fix the node. Edges that are not held along n: openings.py
 Contact line:   its nodes in order, arclength, and the segment lengths c_i = meas(S_i) of method §2.
                 A node that carries no unknown (on the closure of Γ_D, or in a corner of Γ_C) gives
                 its half cells to its free neighbours, so that Σ c_i = meas(Γ_C) whatever the ends.
@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
+from tcstudy.fem.openings import laws_of_halves, with_openings
 from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.scene.records import (
     Clamped,
@@ -68,6 +69,7 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     for name, role in sorted(boundary, key=lambda item: not isinstance(item[1], Contact)):
         if isinstance(role, Contact | Clamped):
             parts += _constraints(mesh, name, role)
+    parts.append((np.zeros(0, dtype=np.intp), np.zeros((0, 2)), np.zeros(0), ""))
     names = [name for nodes, _, _, name in parts for _ in nodes]
     node = np.concatenate([nodes for nodes, _, _, _ in parts])
     direction = np.concatenate([directions for _, directions, _, _ in parts])
@@ -114,7 +116,7 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     values[slides + n] = v0[~is_fixed]
     fixed[rests] = fixed[rests + n] = True
     values[rests], values[rests + n] = u[is_fixed].T
-    return _tied(mesh, boundary, Frames(axes, fixed, values))
+    return _tied(mesh, boundary, with_openings(mesh, boundary, Frames(axes, fixed, values)))
 
 
 _Constraints = tuple[Indices, Array, Array, str]
@@ -210,11 +212,7 @@ class ContactLine:
 
         It is that of the end, or of the other one at an interface junction or a held end.
         """
-        end = self.unknowns
-        other_end = self.unknowns[:, ::-1]
-        at_joint = np.isin(self.unknowns, self.joints.node)
-        to_other = at_joint & (other_end >= 0) & ~at_joint[:, ::-1]
-        return np.where((end < 0) | to_other, other_end, end)
+        return laws_of_halves(self.unknowns, self.joints)
 
     @cached_property
     def lengths(self) -> Array:

@@ -32,6 +32,7 @@ from tcstudy.fem.forms import (
 )
 from tcstudy.fem.geometry import Geometry
 from tcstudy.fem.meshes import Frames, PlaneMesh
+from tcstudy.fem.openings import opening_line
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.guaranteed import (
@@ -42,6 +43,7 @@ from tcstudy.offline.guaranteed import (
     require_straight,
 )
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
+from tcstudy.offline.openings import laws_of_unknowns
 from tcstudy.scene.mesh_plan import Guarantee
 from tcstudy.scene.records import (
     Boundary,
@@ -175,6 +177,7 @@ class CondensedBlock:
     theta_mean, heat_balance: (P,) as in `Temperature`; NaN where temperature does not load the body
     time:             wall time spent on factorisation and loads [s]
     band:             λ₁ of the continuous body for μ = 1, if requested
+    blocks:           numbers of the slips and of the openings among the unknowns, () without these
     """
 
     A_tilde: Array
@@ -189,11 +192,15 @@ class CondensedBlock:
     heat_balance: Array
     time: float
     band: Band | None = None
+    blocks: tuple[int, ...] = ()
 
 
-def loose_body(A_tilde: Array, c: Array) -> CondensedBody:
-    """Return the record of a body that contact alone holds: Ã is semidefinite, and λ₁ is 0."""
-    return CondensedBody.known(A_tilde, c, lambda_1=0.0, loose=True)
+def loose_body(A_tilde: Array, c: Array, blocks: tuple[int, ...] = ()) -> CondensedBody:
+    """Return the record of a body that contact alone holds: Ã is semidefinite, and λ₁ is 0.
+
+    blocks: numbers of the slips and of the openings, () without these
+    """
+    return CondensedBody.known(A_tilde, c, blocks=blocks, lambda_1=0.0, loose=True)
 
 
 def _held(boundary: Boundary) -> Boundary:
@@ -221,16 +228,15 @@ class ElasticBody:
         self._level = level
         moduli, springs = ratio
         frames = level.frames
-        line = level.line
         A = level.elastic.stiffness_of(moduli, frames)
         if springs:
             A = sp.csr_array(A + level.elastic.springs(springs, frames))
         if frames.ties is not None:
             A = sp.csr_array(frames.ties.T @ A @ frames.ties)
         eliminate = ~frames.fixed
-        eliminate[line.nodes] = False
+        eliminate[level.kept] = False
         self.condensation: Condensation = condense(
-            A, level.mesh.points, line.nodes, eliminate, 2, plan=level.elimination
+            A, level.mesh.points, level.kept, eliminate, 2, plan=level.elimination
         )
         level.elimination = self.condensation.plan
         self.lambda_1 = 0.0
@@ -243,7 +249,7 @@ class ElasticBody:
             # the mode of the whole body. Digits are lost where u is stiff but moves as a whole, or
             # along an edge that a spring holds across. This is an estimate of ROUNDINGS such
             # errors; none of 200 random bodies lost more than one.
-            value, mode, error = least_eigenpair(self.condensation.A_tilde, line.c)
+            value, mode, error = least_eigenpair(self.condensation.A_tilde, level.c)
             work = float(A.diagonal() @ self.condensation.expand(mode) ** 2)
             rounding = np.inf
             if value > 0.0:
@@ -320,13 +326,13 @@ class ElasticBody:
             bases[load] = self._basis[load] = rows.copy(), vector[self._fixed]
         return bases
 
-    def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
+    def displacement(self, mu: float, v: Array, terms: Sequence[LoadTerm]) -> Array:
         """Return local displacements (2n,), eq. (20), without the prescribed ones."""
         rows = np.zeros(len(self.condensation.plan.permutation))
         bases = self._bases([load for load, _ in terms])
         for (_, factor), (basis_rows, _) in zip(terms, bases, strict=True):
             rows += factor / mu * basis_rows
-        return self.condensation.expand(u_T, rows)
+        return self.condensation.expand(v, rows)
 
 
 def motions_of_geometry(
@@ -346,6 +352,10 @@ class Level:
     """All scenes of a study on one mesh.
 
     Caches are keyed by value, so that equal inputs are computed once.
+
+    line, opening: the contact line and, where edges may lift off, their openings; the unknowns of
+                   the condensed problem are v = (u_T, s_N) of both, one block after the other
+    kept, c:       (m,) local rows of these unknowns, and their segment lengths [m]
     """
 
     def __init__(
@@ -381,8 +391,28 @@ class Level:
         self._bodies: dict[Ratio, ElasticBody] = {}
         self.frames = self.frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
+        self.opening = opening_line(mesh, self.frames, self.line, scene.opening_edges)
+        self.kept = self.line.nodes
+        self.c = self.line.c
+        if self.opening is not None:
+            self.kept = np.concatenate([self.kept, mesh.n_points + self.opening.nodes])
+            self.c = np.concatenate([self.c, self.opening.c])
         self.elastic.products()
         self.time_assemble = time.perf_counter() - start
+
+    @property
+    def m(self) -> int:
+        """Number of contact unknowns: slips, then openings."""
+        return len(self.kept)
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Numbers of the slips and of the openings, () without openings."""
+        return () if self.opening is None else (self.line.m, self.opening.m)
+
+    def split(self, v: Array) -> tuple[Array, Array]:
+        """Return the slips (…, m_T) and the openings (…, m_N) of unknowns v (…, m)."""
+        return v[..., : self.line.m], v[..., self.line.m :]
 
     def frames_of(self, boundary: Boundary) -> Frames:
         """Return the local frames of the nodes with the prescribed displacements of a boundary."""
@@ -396,8 +426,8 @@ class Level:
     def contact_motions(self, scene: Scene) -> Array:
         """Return (k, m) the rigid motions that the supports leave, at the contact DOFs."""
         u = self.motions(scene).at(self.mesh.points)
-        rows = [self.frames.rows(motion.T.ravel())[self.line.nodes] for motion in u]
-        return np.array(rows).reshape(-1, self.line.m)
+        rows = [self.frames.rows(motion.T.ravel())[self.kept] for motion in u]
+        return np.array(rows).reshape(-1, self.m)
 
     def motions(self, scene: Scene) -> RigidMotions:
         """Return the rigid motions that the supports of a scene leave, so that contact holds it."""
@@ -429,10 +459,10 @@ class Level:
         body = self._body(scene)
         A_tilde = scene.material.mu * body.condensation.A_tilde
         problem = ContactProblem(
-            A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error
+            A_tilde, l_tilde, self.c, self.law(scene), body.lambda_1_error, self.blocks
         )
         if not body.is_held:
-            problem = ContactProblem.on(loose_body(A_tilde, self.line.c), l_tilde, problem.law)
+            problem = ContactProblem.on(loose_body(A_tilde, self.c, self.blocks), l_tilde, problem.law)
         return Condensed(problem, constant)
 
     def _load(self, scene: Scene) -> tuple[Array, float]:
@@ -457,12 +487,16 @@ class Level:
         return terms
 
     def law(self, scene: Scene) -> Laws:
-        """Return the friction law of Γ_C, or of every contact node where it differs along Γ_C.
+        """Return the friction law of Γ_C, or the law of every unknown where these differ.
 
+        The laws of openings come after those of slips.
         Raises ValueError for a strength below 0.
         """
         friction = scene.friction
         line = self.line
+        if self.opening is not None:
+            key = friction, scene.adhesion, scene.boundary
+            return self._laws.of(key, lambda: laws_of_unknowns(scene, line, self.opening))
         if isinstance(friction, Laws):
             return friction
         return self._laws.of(
@@ -505,7 +539,7 @@ class Level:
         band = self.band(scenes[0]).times(1.0 / mu[0]) if self._has_band else None
         return CondensedBlock(
             body.condensation.A_tilde,
-            self.line.c,
+            self.c,
             body.lambda_1,
             body.lambda_1_error,
             body.is_held,
@@ -516,6 +550,7 @@ class Level:
             balances,
             time.perf_counter() - start,
             band,
+            self.blocks,
         )
 
     ratio = staticmethod(ratio_of)
@@ -572,29 +607,41 @@ class Level:
             slips[np.any(changes[:, nodes] > 0.0, axis=0)] = np.nan
         return slips
 
+    def held_openings(self, scene: Scene) -> Array:
+        """Return the openings (h,) prescribed at the held ends of edges that may lift off [m]."""
+        opening = self.opening
+        assert opening is not None
+        segments, sides = np.nonzero(opening.unknowns < 0)
+        segments = opening.which[segments]
+        nodes = self.line.segments[segments, sides]
+        normals = self.mesh.end_normals[self.line.which[segments], sides]
+        frames = self.frames_of(scene.boundary)
+        u = frames.cartesian(frames.values).reshape(2, -1)[:, nodes]
+        return -np.einsum("ij,ji->i", normals, u)
+
     # -- the whole body ----------------------------------------------------------------------------
 
-    def displacement(self, scene: Scene, u_T: Array) -> Array:
-        """Return the displacement in x and y (2n,) of a contact solution, eq. (20)."""
+    def displacement(self, scene: Scene, v: Array) -> Array:
+        """Return the displacement in x and y (2n,) of a contact solution v (m,), eq. (20)."""
         frames = self.frames_of(scene.boundary)
-        w = self._body(scene).displacement(scene.material.mu, u_T, self._terms(scene))
+        w = self._body(scene).displacement(scene.material.mu, v, self._terms(scene))
         return frames.cartesian(w + frames.values)
 
-    def fields(self, scene: Scene, u_T: Array) -> dict[str, Array]:
+    def fields(self, scene: Scene, v: Array) -> dict[str, Array]:
         """Return nodal fields (n,) of the whole body by name.
 
         They are u_x, u_y [m] and, if temperature loads the body, theta [K].
         """
-        u = self.displacement(scene, u_T)
+        u = self.displacement(scene, v)
         n = self.mesh.n_points
         fields = {"u_x": u[:n], "u_y": u[n:]}
         if scene.material.expands:
             fields["theta"] = self.temperature(scene).theta
         return fields
 
-    def extension(self, scene: Scene, u_T: Array) -> Array:
-        """Return the displacement in x and y (2n,) of an unloaded body with the slip u_T (m,)."""
-        return self.frames.cartesian(self._body(scene).condensation.expand(u_T))
+    def extension(self, scene: Scene, v: Array) -> Array:
+        """Return the displacement in x and y (2n,) of an unloaded body with contact slips v (m,)."""
+        return self.frames.cartesian(self._body(scene).condensation.expand(v))
 
     def condensed_of(self, scene: Scene, load: Array) -> Array:
         """Return l̃ (m,) of a load (2n,) in x and y on the body of a scene [N/m]."""
@@ -654,7 +701,8 @@ MAX_LIVE_NODES = 250
 def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -> dict[str, Array]:
     """Return the arrays from which a page solves the points of a sweep by itself.
 
-    The dictionary is empty for a level with more than MAX_LIVE_NODES contact nodes.
+    The dictionary is empty for a level with more than MAX_LIVE_NODES contact nodes, or where edges
+    may lift off, for which a page has no solver.
 
     A_tilde: (m, m) of the first point;  stiffness: (*shape) μ over that of the first point
     load, mechanical_load: (*shape, m) l̃, and its part from f, g, pressure and forces
@@ -663,7 +711,7 @@ def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -
     """
     first = scenes[0]
     m = level.line.m
-    if not 0 < m <= MAX_LIVE_NODES:
+    if not 0 < m <= MAX_LIVE_NODES or level.opening is not None:
         return {}
     valid = np.array([level.ratio(scene) == level.ratio(first) for scene in scenes])
     valid_scenes = [scene for scene, same in zip(scenes, valid, strict=True) if same]

@@ -35,6 +35,7 @@ from tcstudy.fem.forms import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level, mechanical_terms
+from tcstudy.offline.openings import of_boundaries
 from tcstudy.scene.records import Clamped, Contact, Free, Scene
 from tcstudy.scene.study import OutputPlan, Probe
 
@@ -54,9 +55,7 @@ def line_numbers(
 
     laws: of rows (P, 1) or (P, m);  v, xi: (P, m) slips [m] and tractions [Pa]
     """
-    scene_of_boundary = {id(scene.boundary): scene for scene in scenes}
-    slips = {key: level.held_slips(scene) for key, scene in scene_of_boundary.items()}
-    held = np.array([slips[id(scene.boundary)] for scene in scenes])
+    held = of_boundaries(scenes, level.held_slips)
     results = region_lengths(level, laws, v, held)
     if held.size:
         results["held_u_T"] = held
@@ -191,14 +190,14 @@ def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
 
 
 def section_force(
-    level: Level, scene: Scene, u_T: Array, sigma: Array
+    level: Level, scene: Scene, v: Array, sigma: Array
 ) -> tuple[Array, dict[str, Array], Array] | None:
     """Return N (s + 1,) at the nodes of Γ_C, of the body and by layer [N/m], and arc lengths [m].
 
     Held nodes are included; layers are regions with a material of their own. None for a line that
     bends.
 
-    u_T: (m,) [m];  sigma: (t, 4) stress [Pa]
+    v: (m,) contact unknowns [m];  sigma: (t, 4) stress [Pa]
     """
     line = level.line
     mesh = level.mesh
@@ -209,7 +208,7 @@ def section_force(
     sines = tangents @ [tangent[1], -tangent[0]]
     if not is_chain or np.abs(sines).max() > STRAIGHT:
         return None
-    xi = level.condensed(scene).problem.xi(u_T)
+    xi, _ = level.split(level.condensed(scene).problem.xi(v))
     node_at = np.concatenate([[0.0], np.cumsum(lengths)])
     unknowns = np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)
     traction = (xi / line.c)[unknowns]
@@ -261,14 +260,14 @@ class RequestedOutputs:
     level: Level
     output: OutputPlan
 
-    def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
-        """Return the requested variables by name (data.schema) at a solution u_T (m,) of a scene.
+    def of(self, scene: Scene, v: Array) -> dict[str, Any]:
+        """Return the requested variables by name (data.schema) at a solution v (m,) of a scene.
 
         All are numbers but N, which is (m,).
         """
         level = self.level
         quantities = self.output.quantities
-        u = level.displacement(scene, u_T)
+        u = level.displacement(scene, v)
         is_warm = scene.material.expands
         theta = np.zeros(level.mesh.n_points)
         if is_warm:
@@ -288,7 +287,7 @@ class RequestedOutputs:
                 variables |= _resultant(f"force_{name}", force)
                 variables[f"work_{name}"] = float(force.ravel() @ u)
         if "section_force" in quantities:
-            variables |= self._section_forces(scene, u_T, sigma)
+            variables |= self._section_forces(scene, v, sigma)
         if "theta_edges" in quantities and is_warm:
             variables |= self._edge_means(scene, theta)
         return variables
@@ -305,9 +304,9 @@ class RequestedOutputs:
             "von_mises_y": float(y),
         }
 
-    def _section_forces(self, scene: Scene, u_T: Array, sigma: Array) -> dict[str, Any]:
+    def _section_forces(self, scene: Scene, v: Array, sigma: Array) -> dict[str, Any]:
         """Return the section forces of the body and its layers, nothing for a line that bends."""
-        section = section_force(self.level, scene, u_T, sigma)
+        section = section_force(self.level, scene, v, sigma)
         if section is None:
             return {}
         N, layers, arclength = section

@@ -474,7 +474,19 @@ class Scene:
     @property
     def opens(self) -> bool:
         """Whether a contact edge may lift off the foundation."""
-        return any(isinstance(role, Contact) and role.opens for _, role in self.boundary)
+        return bool(self.opening_edges)
+
+    @property
+    def holds_normal(self) -> bool:
+        """Whether u_N = 0 on all of Γ_C, as what is proved of the body assumes."""
+        contact = (role for _, role in self.boundary if isinstance(role, Contact))
+        return all(role.normal == "held" for role in contact)
+
+    @property
+    def opening_edges(self) -> tuple[str, ...]:
+        """The names of the contact edges that may lift off, in the order of the study."""
+        contact = ((name, role) for name, role in self.boundary if isinstance(role, Contact))
+        return tuple(name for name, role in contact if role.opens)
 
     @property
     def pieces(self) -> tuple[tuple[Where, Material], ...]:

@@ -176,11 +176,18 @@ class Study:
         return "fit" if self.fit else "history" if self.history else "path" if self.path else "run"
 
     @property
+    def opens(self) -> bool:
+        """Whether a contact edge may lift off; roles are the same at all points."""
+        return self.scenes[0].opens
+
+    @property
     def encloses_lambda_1(self) -> bool:
         """Whether λ₁ of the body is enclosed: where asked, and in sweeps of bodies without arcs."""
         if self.mesh.bounds_errors:
             return True
         if self.mesh.guarantee != "band" or self.kind != "run" or not self.scenes:
+            return False
+        if not self.scenes[0].holds_normal:
             return False
         body, material = self.scenes[0].body, self.scenes[0].material
         if set(body.curved_regions) & set(dict(material.regions)):

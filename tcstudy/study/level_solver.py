@@ -43,6 +43,7 @@ from tcstudy.data.schema import (
     NOT_ALL,
     NOT_JUDGED,
     OF_POLYGON,
+    SOLUTION_OPENING,
     UNBALANCED,
     UNKNOWN,
     PointStatus,
@@ -58,6 +59,7 @@ from tcstudy.laws.pieces import UP
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.existence import Existence, count_of_body, distances_of
 from tcstudy.offline.level import CondensedBlock, Level, loose_body
+from tcstudy.offline.openings import opening_numbers
 from tcstudy.offline.requested_outputs import line_numbers
 from tcstudy.offline.unresisted import judged
 from tcstudy.refine.family import ErrorEstimator
@@ -113,12 +115,12 @@ class LevelSolver:
         if not keeps_solutions(self.study):
             return None
         order = np.concatenate([block.points for block in self.blocks])
-        return NeighbourSolutions(self.study, self.level.line.m, order)
+        return NeighbourSolutions(self.study, self.level.m, order)
 
     @cached_property
     def blocks(self) -> list[Block]:
         """All blocks of the level, in the order in which they are solved."""
-        return blocks_of(self.study, self.level.line.m, self.level.mesh.n_points)
+        return blocks_of(self.study, self.level.m, self.level.mesh.n_points)
 
     @cached_property
     def exact(self) -> Array | None:
@@ -264,9 +266,11 @@ class LevelSolver:
             self.bodies.clear()
             A_tilde = mu * condensed.A_tilde
             if condensed.is_held:
-                body = CondensedBody.of(A_tilde, condensed.c, condensed.lambda_1_error)
+                body = CondensedBody.of(
+                    A_tilde, condensed.c, condensed.lambda_1_error, condensed.blocks
+                )
             else:
-                body = loose_body(A_tilde, condensed.c)
+                body = loose_body(A_tilde, condensed.c, condensed.blocks)
             self.bodies[key] = body
         return self.bodies[key]
 
@@ -280,7 +284,7 @@ class LevelSolver:
 
     @cached_property
     def _output_functions(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
-        """Functions of a scene and its u_T (m,) that return requested outputs by variable name."""
+        """Functions of a scene and its solution v (m,) that return requested outputs by variable name."""
         # imported only for a study that requests more
         from tcstudy.offline.requested_outputs import RequestedOutputs
 
@@ -298,8 +302,9 @@ class LevelSolver:
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
         """Return the record with the extras of its solved points: errors, fields, outputs."""
-        if record.u_T is None or not self.has_extras:
+        if record.v is None or not self.has_extras:
             return record
+        solutions_of_rows = record.v
         output = self.study.output
         numbers = dict(record.numbers)
         fields = dict(record.fields)
@@ -311,7 +316,7 @@ class LevelSolver:
         solutions = self._with_radii(record.solutions)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
             scene = self.study.scenes[int(record.points[row])]
-            v = record.u_T[row]
+            v = solutions_of_rows[row]
             values = self._errors(record.index(row), scene, v)
             if EXISTENCE_RADIUS.name in solutions:
                 is_own = solutions["solution_point"] == record.points[row]
@@ -503,9 +508,9 @@ class NeighbourSolutions:
 
     def store(self, block: BlockRecord) -> None:
         """Store a block's solutions."""
-        if block.u_T is not None:
+        if block.v is not None:
             is_solved = block.status == PointStatus.OK
-            self._v[block.points[is_solved]] = block.u_T[is_solved]
+            self._v[block.points[is_solved]] = block.v[is_solved]
 
     def neighbours(self, points: Places) -> Array:
         """Return (P, m) the solutions one step back along an axis, NaN in rows without one.
@@ -669,17 +674,26 @@ def block_record(
     # without friction a solution has nothing but rounding of ξ, which the inclusion residual tells
     is_frictionless = np.array([scene.friction.vanishes for scene in scenes])
     is_zero = (answers.status == Status.CONVERGED) & is_frictionless
-    xi = np.where(is_zero[:, None], 0.0, answers.xi * factor[:, None])
+    is_slip = np.arange(len(condensed.c)) < level.line.m
+    xi = np.where(is_zero[:, None] & is_slip, 0.0, answers.xi * factor[:, None])
     traction = xi / condensed.c
     is_on_jump = laws.kind(laws.locate(answers.v)) == UP
-    sticks = np.where(np.isnan(answers.v), UNKNOWN, is_on_jump)
+    rests = np.where(np.isnan(answers.v), UNKNOWN, is_on_jump).astype(np.int8)
+    u_T, opening = level.split(answers.v)
+    xi_T, S_N = level.split(traction)
+    sticks, rests_N = level.split(rests)
+    slip_laws = laws.at(level.split(laws.index)[0])
     values = {
-        **_answer_values(answers, condensed, factor, xi),
+        **_answer_values(answers, condensed, factor),
+        "u_T_max": np.max(np.abs(u_T), axis=-1, initial=0.0),
+        "friction_resultant": level.split(xi)[0].sum(axis=-1),
         **_proof_values(answers, condensed, factor),
         **_condensed_values(condensed),
         "time_solve": np.full(len(points), seconds / len(points)),
-        **line_numbers(level, scenes, laws, answers.v, traction),
+        **line_numbers(level, scenes, slip_laws, u_T, xi_T),
     }
+    if level.opening is not None:
+        values |= opening_numbers(level, scenes, laws, answers.v, traction)
     solutions: dict[str, Array] = {}
     if answers.solutions is not None:
         values |= _solution_counts(answers.solutions)
@@ -691,19 +705,20 @@ def block_record(
         status=STATUS[answers.status],
         reasons={row: reason for row, reason in enumerate(answers.reason) if reason},
         numbers={name: np.asarray(value, dtype=float) for name, value in values.items()},
-        u_T=answers.v,
-        xi=traction,
-        sticks=sticks.astype(np.int8),
+        u_T=u_T,
+        xi=xi_T,
+        sticks=sticks,
         solutions=solutions,
+        opening=opening if level.opening is not None else None,
+        S_N=S_N if level.opening is not None else None,
+        rests_N=rests_N if level.opening is not None else None,
     )
 
 
-def _answer_values(
-    answers: Answer, condensed: CondensedBlock, factor: Array, xi: Array
-) -> dict[str, Any]:
+def _answer_values(answers: Answer, condensed: CondensedBlock, factor: Array) -> dict[str, Any]:
     """Return the results of the solver by variable name.
 
-    factor: (P,) stiffness of a point's body over that of the block's;  xi: (P, m) [N/m]
+    factor: (P,) stiffness of a point's body over that of the block's
     """
     is_solved = answers.status == Status.CONVERGED
     accepted = np.where(answers.limited, LIMITED, MET)
@@ -714,8 +729,6 @@ def _answer_values(
         "inclusion_rounding": answers.rounding,
         "inclusion_status": np.where(is_solved, accepted, NOT_JUDGED),
         "iterations": answers.iterations,
-        "u_T_max": np.max(np.abs(answers.v), axis=-1, initial=0.0),
-        "friction_resultant": xi.sum(axis=-1),
         "start_used": answers.start,
         "start_energy": answers.energies * factor[:, None] + constant[:, None],
     }
@@ -778,11 +791,19 @@ def _all_solutions(
     xi = np.concatenate([point.xi for point in equilibria])
     stable = np.concatenate([point.stable for point in equilibria])
     pieces = np.concatenate([point.sides for point in equilibria])
+    by_unknown = {
+        "solution_u_T": np.concatenate([point.v for point in equilibria]),
+        "solution_xi": xi * factor[row, None] / condensed.c,
+        "solution_piece": pieces.astype(np.int32),
+    }
+    if condensed.blocks:
+        m = condensed.blocks[0]
+        for name, of_openings in zip(by_unknown.copy(), SOLUTION_OPENING, strict=True):
+            by_unknown[of_openings.name] = by_unknown[name][:, m:]
+            by_unknown[name] = by_unknown[name][:, :m]
     return {
         "solution_point": points[row].astype(np.int32),
         "solution_energy": energy * factor[row] + condensed.constant[row],
         "solution_stable": stable.astype(np.int8),
-        "solution_u_T": np.concatenate([point.v for point in equilibria]),
-        "solution_xi": xi * factor[row, None] / condensed.c,
-        "solution_piece": pieces.astype(np.int32),
+        **by_unknown,
     }

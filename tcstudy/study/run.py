@@ -163,7 +163,7 @@ def stages(
             continue
         with times.measure("estimate"):
             estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
-        workers = executor(study, level.line.m) if executor is not None else SerialExecutor()
+        workers = executor(study, level.m) if executor is not None else SerialExecutor()
         blocks = LevelSolver(study, level, estimator, workers, times).solve(earlier_blocks)
         is_last = number + 1 == study.mesh.levels
         stop = partial(_stop, estimator, is_last, times)
@@ -240,7 +240,7 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
         level=mesh.level,
         h_max=mesh.h_max,
         n_dof=level.frames.n_dof,
-        n_contact=line.m,
+        n_contact=level.m,
         arclength=line.arclength,
         x=line.xy[:, 0],
         y=line.xy[:, 1],
@@ -254,7 +254,7 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
 
 
 def _contact_line_fields(level: Level) -> Fields:
-    """Return the constrained ends of the contact line and the joints of its edges, if any."""
+    """Return the constrained ends of the contact line, joints of its edges, and openings, if any."""
     line = level.line
     fields: Fields = {}
     segment, side = line.held
@@ -267,6 +267,12 @@ def _contact_line_fields(level: Level) -> Fields:
     for name, values in line.joints._asdict().items():
         if len(values):
             fields[f"joint_{name}"] = values
+    opening = level.opening
+    if opening is not None:
+        fields["opening_arclength"] = opening.arclength
+        fields["opening_x"], fields["opening_y"] = opening.xy.T
+        fields["opening_edge"] = opening.edge
+        fields["c_N"] = opening.c
     return fields
 
 
@@ -301,6 +307,7 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
     """
     starts_others = study.mesh.estimates or keeps_solutions(study)
     u_T = block.u_T.copy() if starts_others and block.u_T is not None else None
+    opening = block.opening.copy() if starts_others and block.opening is not None else None
     return BlockRecord(
         block.level,
         block.shape,
@@ -309,6 +316,7 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
         block.reasons,
         numbers={},
         u_T=u_T,
+        opening=opening,
     )
 
 

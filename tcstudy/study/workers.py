@@ -101,12 +101,14 @@ def predicted_sizes(study: Study) -> tuple[LevelForecast, ...]:
         if isinstance(role, Clamped):
             clamped += lengths.get(name, 0.0)
     contact = sum(lengths.get(name, 0.0) for name in scene.edges(Contact))
+    opening = sum(lengths.get(name, 0.0) for name in scene.opening_edges)
     forecasts = list[LevelForecast]()
     for i in range(1 if mesh.open_ended else mesh.levels):
         h = mesh.maxh[i] if mesh.listed else mesh.maxh[0] / 2**i
         nodes = area / (math.sqrt(3) / 4 * h**2) / 2 + boundary / h / 2 + 1
-        n_dof = max(1, round(2 * nodes - 2 * clamped / h - contact / h))
-        forecasts.append(LevelForecast(h, round(nodes), n_dof, max(1, round(contact / h))))
+        n_dof = max(1, round(2 * nodes - 2 * clamped / h - (contact - opening) / h))
+        n_contact = max(1, round((contact + opening) / h))
+        forecasts.append(LevelForecast(h, round(nodes), n_dof, n_contact))
     return tuple(forecasts)
 
 
@@ -169,10 +171,13 @@ def _extrapolated(
 
 def _counted(mesh: PlaneMesh, scene: Scene, h: float) -> LevelForecast:
     from tcstudy.fem.forms import constrain, contact_line
+    from tcstudy.fem.openings import opening_line
 
     constrained = [item for item in scene.boundary if isinstance(item[1], Clamped | Contact)]
     frames = constrain(mesh, tuple(constrained))
-    m = contact_line(mesh, frames, scene.edges(Contact)).m
+    line = contact_line(mesh, frames, scene.edges(Contact))
+    opening = opening_line(mesh, frames, line, scene.opening_edges)
+    m = line.m + (opening.m if opening is not None else 0)
     return LevelForecast(h, mesh.n_points, frames.n_dof, m, exact=True)
 
 
