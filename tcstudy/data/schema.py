@@ -622,7 +622,7 @@ OPENING: tuple[FileVariable, ...] = (
         no_value=UNKNOWN,
     ),
 )
-"""Nodes of contact edges that may lift off the foundation; a study without any has none of these."""
+"""Nodes of contact edges that may lift off; a study without such edges has none of these."""
 
 MESH_TOPOLOGY: dict[str, Any] = {
     "cf_role": "mesh_topology",

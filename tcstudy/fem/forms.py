@@ -3,7 +3,7 @@
 Constraints:    Γ_D by component, u_N = 0 on Γ_C exactly, in a local frame where needed. At a node
                 with one constrained direction d it is (t, d) with t = (−d₂, d₁), so that the first
                 local component is free and the second is fixed; on Γ_C that is (u_T, u_N). Two
-                directions fix the node. Edges that are not held along n: openings.py
+                directions fix the node. Edges that are not held along n: opening_frames.py
 Contact line:   its nodes in order, arclength, and the segment lengths c_i = meas(S_i) of method §2.
                 A node that carries no unknown (on the closure of Γ_D, or in a corner of Γ_C) gives
                 its half cells to its free neighbours, so that Σ c_i = meas(Γ_C) whatever the ends.
@@ -41,7 +41,6 @@ from numpy.typing import NDArray
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
-from tcstudy.fem.openings import laws_of_halves, with_openings
 from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.scene.records import (
     Clamped,
@@ -116,7 +115,13 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     values[slides + n] = v0[~is_fixed]
     fixed[rests] = fixed[rests + n] = True
     values[rests], values[rests + n] = u[is_fixed].T
-    return _tied(mesh, boundary, with_openings(mesh, boundary, Frames(axes, fixed, values)))
+    frames = Frames(axes, fixed, values)
+    if any(isinstance(role, Contact) and role.normal != "held" for _, role in boundary):
+        # imported only for a body that may lift off
+        from tcstudy.fem.opening_frames import with_openings
+
+        frames = with_openings(mesh, boundary, frames)
+    return _tied(mesh, boundary, frames)
 
 
 _Constraints = tuple[Indices, Array, Array, str]
@@ -241,6 +246,18 @@ class ContactLine:
         distance = np.linalg.norm(offset - position[:, None] * along, axis=1)
         segment = int(np.argmin(distance))
         return segment, float(position[segment])
+
+
+def laws_of_halves(unknowns: Indices, joints: Joints) -> Indices:
+    """Return the unknown (s, 2) whose law half a segment has.
+
+    It is that of the end, or of the other one at an interface junction or a held end.
+    unknowns: (s, 2) at the ends of the segments, −1 where held
+    """
+    other_end = unknowns[:, ::-1]
+    at_joint = np.isin(unknowns, joints.node)
+    to_other = at_joint & (other_end >= 0) & ~at_joint[:, ::-1]
+    return np.where((unknowns < 0) | to_other, other_end, unknowns)
 
 
 def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> ContactLine:

@@ -32,7 +32,7 @@ from tcstudy.fem.forms import (
 )
 from tcstudy.fem.geometry import Geometry
 from tcstudy.fem.meshes import Frames, PlaneMesh
-from tcstudy.fem.openings import opening_line
+from tcstudy.fem.openings import OpeningLine, opening_line
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.guaranteed import (
@@ -43,7 +43,7 @@ from tcstudy.offline.guaranteed import (
     require_straight,
 )
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
-from tcstudy.offline.openings import laws_of_unknowns
+from tcstudy.offline.opening_laws import laws_of_unknowns
 from tcstudy.scene.mesh_plan import Guarantee
 from tcstudy.scene.records import (
     Boundary,
@@ -234,9 +234,9 @@ class ElasticBody:
         if frames.ties is not None:
             A = sp.csr_array(frames.ties.T @ A @ frames.ties)
         eliminate = ~frames.fixed
-        eliminate[level.kept] = False
+        eliminate[level.rows] = False
         self.condensation: Condensation = condense(
-            A, level.mesh.points, level.kept, eliminate, 2, plan=level.elimination
+            A, level.mesh.points, level.rows, eliminate, 2, plan=level.elimination
         )
         level.elimination = self.condensation.plan
         self.lambda_1 = 0.0
@@ -355,7 +355,7 @@ class Level:
 
     line, opening: the contact line and, where edges may lift off, their openings; the unknowns of
                    the condensed problem are v = (u_T, s_N) of both, one block after the other
-    kept, c:       (m,) local rows of these unknowns, and their segment lengths [m]
+    rows, c:       (m,) local rows of these unknowns, and their segment lengths [m]
     """
 
     def __init__(
@@ -391,11 +391,12 @@ class Level:
         self._bodies: dict[Ratio, ElasticBody] = {}
         self.frames = self.frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
-        self.opening = opening_line(mesh, self.frames, self.line, scene.opening_edges)
-        self.kept = self.line.nodes
+        self.opening: OpeningLine | None = None
+        self.rows = self.line.nodes
         self.c = self.line.c
-        if self.opening is not None:
-            self.kept = np.concatenate([self.kept, mesh.n_points + self.opening.nodes])
+        if scene.opens:
+            self.opening = opening_line(mesh, self.frames, self.line, scene.opening_edges)
+            self.rows = np.concatenate([self.rows, mesh.n_points + self.opening.nodes])
             self.c = np.concatenate([self.c, self.opening.c])
         self.elastic.products()
         self.time_assemble = time.perf_counter() - start
@@ -403,14 +404,14 @@ class Level:
     @property
     def m(self) -> int:
         """Number of contact unknowns: slips, then openings."""
-        return len(self.kept)
+        return len(self.rows)
 
     @property
     def blocks(self) -> tuple[int, ...]:
         """Numbers of the slips and of the openings, () without openings."""
         return () if self.opening is None else (self.line.m, self.opening.m)
 
-    def split(self, v: Array) -> tuple[Array, Array]:
+    def split(self, v: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the slips (…, m_T) and the openings (…, m_N) of unknowns v (…, m)."""
         return v[..., : self.line.m], v[..., self.line.m :]
 
@@ -494,9 +495,10 @@ class Level:
         """
         friction = scene.friction
         line = self.line
-        if self.opening is not None:
-            key = friction, scene.adhesion, scene.boundary
-            return self._laws.of(key, lambda: laws_of_unknowns(scene, line, self.opening))
+        opening = self.opening
+        if opening is not None:
+            key = friction, scene.adhesion, _held(scene.boundary)
+            return self._laws.of(key, lambda: laws_of_unknowns(scene, line, opening))
         if isinstance(friction, Laws):
             return friction
         return self._laws.of(
@@ -640,7 +642,7 @@ class Level:
         return fields
 
     def extension(self, scene: Scene, v: Array) -> Array:
-        """Return the displacement in x and y (2n,) of an unloaded body with contact slips v (m,)."""
+        """Return the displacement in x and y (2n,) of an unloaded body with contact unknowns v."""
         return self.frames.cartesian(self._body(scene).condensation.expand(v))
 
     def condensed_of(self, scene: Scene, load: Array) -> Array:

@@ -1,7 +1,4 @@
-"""Laws of the openings of contact edges, and results of a solved point along them.
-
-An opening s_N = −u_N has the law b_N of its edge: that of `adhesion`, or none but s_N ≥ 0. Joints of
-two edges have the laws of both by their shares of c, as slips have.
+"""Results of a solved point along the openings of contact edges.
 
 Lengths:  openings are linear between nodes. The debonded length is that of all points of Γ_C at
           which the slip or the opening is beyond the last softening of its law, each half of a
@@ -11,58 +8,20 @@ Mixity:   of the works ξ_T u_T and ξ_N s_N per area at a node, in tension
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DEBONDED
-from tcstudy.laws.shapes import unilateral
+from tcstudy.offline.level import Level
+from tcstudy.offline.requested_outputs import of_boundaries
 from tcstudy.scene.records import Scene
-
-if TYPE_CHECKING:
-    from tcstudy.fem.forms import ContactLine
-    from tcstudy.fem.openings import OpeningLine
-    from tcstudy.offline.level import Level
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-
-def laws_of_openings(scene: Scene) -> EdgeLaws:
-    """Return the law of the opening of every edge that may lift off, with its strength."""
-    adhesion = scene.adhesion
-    of_edge: dict[str, tuple[Laws, object]] = {}
-    if isinstance(adhesion, EdgeLaws):
-        of_edge = {name: (law, strength) for name, law, strength in adhesion.laws}
-    elif adhesion is not None:
-        of_edge = {"": (adhesion, 1.0)}
-    roles = dict(scene.boundary)
-    laws = []
-    for name in scene.opening_edges:
-        law, strength = unilateral(), 1.0
-        if roles[name].normal == "adhesive":
-            law, strength = of_edge[name if name in of_edge else ""]
-        laws.append((name, law, strength))
-    return EdgeLaws(tuple(laws))
-
-
-def laws_of_unknowns(scene: Scene, line: ContactLine, opening: OpeningLine) -> Laws:
-    """Return the laws of the slips and then of the openings, by unknown.
-
-    Raises ValueError for a strength below 0.
-    """
-    slips = law_along(scene.friction, line.edge_names, line.edge, line.xy, line.joints)
-    openings = law_along(
-        laws_of_openings(scene), line.edge_names, opening.edge, opening.xy, opening.joints
-    )
-    number = len(slips.laws) + openings.node_index(opening.m)
-    return Laws.of(
-        [*slips.laws, *openings.laws], np.concatenate([slips.node_index(line.m), number])
-    )
 
 
 def opening_numbers(
@@ -146,8 +105,9 @@ class _Halves(NamedTuple):
 
     def debonded(self, laws: Laws, share: Array) -> NDArray[np.bool_]:
         """Return whether the laws are past their last softening at shares (P, h, …)."""
-        place = laws.locate(self.at(share), self.law[..., None])
-        return np.asarray(laws.regions.take(place.piece) == DEBONDED)
+        piece = laws.locate(self.at(share), self.law[..., None]).piece
+        region = laws.regions.take(piece)
+        return np.asarray(region == DEBONDED)
 
 
 def debonded_length(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array) -> Array:
@@ -160,15 +120,18 @@ def debonded_length(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array)
     index = np.broadcast_to(laws.index, v.shape)
     slips = _slip_halves(level, scenes, v, index)
     openings = _opening_halves(level, scenes, v, index)
-    shares = np.sort(np.dstack([slips.shares_of(laws.kinks), openings.shares_of(laws.kinks)]))
-    edge = np.zeros((*shares.shape[:2], 1))
-    start = np.dstack([edge, shares])
-    stop = np.dstack([shares, edge + 1.0])
+    shares = [half.shares_of(laws.kinks) for half in (slips, openings)]
+    cuts = np.sort(np.dstack(shares))
+    edge = np.zeros((*cuts.shape[:2], 1))
+    start = np.dstack([edge, cuts])
+    stop = np.dstack([cuts, edge + 1.0])
     middle = 0.5 * (start + stop)
     is_debonded = slips.debonded(laws, middle) | openings.debonded(laws, middle)
-    lengths = np.tile(0.5 * level.line.lengths, 2)[:, None]
-    total = np.sum(lengths * (stop - start), axis=(1, 2), where=is_debonded)
-    has_region = np.any(laws.regions == DEBONDED, axis=1)[index].any(axis=1)
+    lengths = np.tile(0.5 * level.line.lengths, 2)
+    parts = lengths[:, None] * (stop - start)
+    total = np.sum(parts, axis=(1, 2), where=is_debonded)
+    can_debond = np.any(laws.regions == DEBONDED, axis=1)
+    has_region = can_debond[index].any(axis=1)
     return np.where(has_region, total, np.nan)
 
 
@@ -179,8 +142,10 @@ def _slip_halves(level: Level, scenes: Sequence[Scene], v: Array, index: Indices
     """
     line = level.line
     is_held = line.unknowns < 0
-    slips, laws = level.split(v)[0], level.split(index)[0]
-    ends = slips[:, np.where(is_held, line.own_law, line.unknowns)]
+    slips, _ = level.split(v)
+    laws, _ = level.split(index)
+    number = np.where(is_held, line.own_law, line.unknowns)
+    ends = slips[:, number]
     held = of_boundaries(scenes, level.held_slips)
     ends[:, is_held] = np.where(np.isnan(held), ends[:, is_held], held)
     return _Halves.of(ends, laws[:, line.own_law])
@@ -193,19 +158,15 @@ def _opening_halves(level: Level, scenes: Sequence[Scene], v: Array, index: Indi
     """
     opening = level.opening
     assert opening is not None
-    openings, laws = level.split(v)[1], level.split(index)[1]
+    _, openings = level.split(v)
+    _, laws = level.split(index)
     is_held = opening.unknowns < 0
-    some = openings[:, np.where(is_held, opening.own_law, opening.unknowns)]
-    some[:, is_held] = of_boundaries(scenes, level.held_openings)
+    number = np.where(is_held, opening.own_law, opening.unknowns)
+    openings_at_ends = openings[:, number]
+    openings_at_ends[:, is_held] = of_boundaries(scenes, level.held_openings)
     ends = np.zeros((len(v), len(level.line.segments), 2))
-    ends[:, opening.which] = some
-    law = np.repeat(laws[:, :1], ends[0].size, axis=1).reshape(ends.shape)
+    ends[:, opening.which] = openings_at_ends
+    law = np.empty(ends.shape, dtype=np.intp)
+    law[:] = laws[:, :1, None]
     law[:, opening.which] = laws[:, opening.own_law]
     return _Halves.of(ends, law)
-
-
-def of_boundaries(scenes: Sequence[Scene], values: Callable[[Scene], Array]) -> Array:
-    """Return values (P, …) that depend on the boundary of scenes, made once for each boundary."""
-    scene_of_boundary = {id(scene.boundary): scene for scene in scenes}
-    of_boundary = {key: values(scene) for key, scene in scene_of_boundary.items()}
-    return np.array([of_boundary[id(scene.boundary)] for scene in scenes])

@@ -23,7 +23,7 @@ Left out: lines that bend.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +35,6 @@ from tcstudy.fem.forms import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level, mechanical_terms
-from tcstudy.offline.openings import of_boundaries
 from tcstudy.scene.records import Clamped, Contact, Free, Scene
 from tcstudy.scene.study import OutputPlan, Probe
 
@@ -69,6 +68,13 @@ def line_numbers(
         "shear_max": largest,
         "shear_max_at": level.line.arclength[first_largest],
     }
+
+
+def of_boundaries(scenes: Sequence[Scene], values: Callable[[Scene], Array]) -> Array:
+    """Return values (P, …) that depend on the boundary of scenes, made once for each boundary."""
+    scene_of_boundary = {id(scene.boundary): scene for scene in scenes}
+    of_boundary = {key: values(scene) for key, scene in scene_of_boundary.items()}
+    return np.array([of_boundary[id(scene.boundary)] for scene in scenes])
 
 
 def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str, Array]:

@@ -483,6 +483,12 @@ class Scene:
         return all(role.normal == "held" for role in contact)
 
     @property
+    def adhesive_edges(self) -> tuple[str, ...]:
+        """The names of the contact edges whose opening has a law of `adhesion`."""
+        contact = ((name, role) for name, role in self.boundary if isinstance(role, Contact))
+        return tuple(name for name, role in contact if role.normal == "adhesive")
+
+    @property
     def opening_edges(self) -> tuple[str, ...]:
         """The names of the contact edges that may lift off, in the order of the study."""
         contact = ((name, role) for name, role in self.boundary if isinstance(role, Contact))

@@ -178,7 +178,7 @@ class Study:
     @property
     def opens(self) -> bool:
         """Whether a contact edge may lift off; roles are the same at all points."""
-        return self.scenes[0].opens
+        return bool(self.scenes) and self.scenes[0].opens
 
     @property
     def encloses_lambda_1(self) -> bool:

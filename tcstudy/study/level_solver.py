@@ -284,7 +284,7 @@ class LevelSolver:
 
     @cached_property
     def _output_functions(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
-        """Functions of a scene and its solution v (m,) that return requested outputs by variable name."""
+        """Functions of a scene and its solution v (m,) that return outputs by variable name."""
         # imported only for a study that requests more
         from tcstudy.offline.requested_outputs import RequestedOutputs
 

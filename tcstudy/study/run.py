@@ -254,7 +254,7 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
 
 
 def _contact_line_fields(level: Level) -> Fields:
-    """Return the constrained ends of the contact line, joints of its edges, and openings, if any."""
+    """Return the constrained ends of the contact line, its joints and its openings, if any."""
     line = level.line
     fields: Fields = {}
     segment, side = line.held

@@ -176,8 +176,9 @@ def _counted(mesh: PlaneMesh, scene: Scene, h: float) -> LevelForecast:
     constrained = [item for item in scene.boundary if isinstance(item[1], Clamped | Contact)]
     frames = constrain(mesh, tuple(constrained))
     line = contact_line(mesh, frames, scene.edges(Contact))
-    opening = opening_line(mesh, frames, line, scene.opening_edges)
-    m = line.m + (opening.m if opening is not None else 0)
+    m = line.m
+    if scene.opens:
+        m += opening_line(mesh, frames, line, scene.opening_edges).m
     return LevelForecast(h, mesh.n_points, frames.n_dof, m, exact=True)
 
 
