@@ -427,7 +427,7 @@ class Level:
     def contact_motions(self, scene: Scene) -> Array:
         """Return (k, m) the rigid motions that the supports leave, at the contact DOFs."""
         u = self.motions(scene).at(self.mesh.points)
-        rows = [self.frames.rows(motion.T.ravel())[self.kept] for motion in u]
+        rows = [self.frames.rows(motion.T.ravel())[self.rows] for motion in u]
         return np.array(rows).reshape(-1, self.m)
 
     def motions(self, scene: Scene) -> RigidMotions:
