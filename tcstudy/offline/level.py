@@ -395,9 +395,10 @@ class Level:
         self.rows = self.line.nodes
         self.c = self.line.c
         if scene.opens:
-            self.opening = opening_line(mesh, self.frames, self.line, scene.opening_edges)
-            self.rows = np.concatenate([self.rows, mesh.n_points + self.opening.nodes])
-            self.c = np.concatenate([self.c, self.opening.c])
+            opening = opening_line(mesh, self.frames, self.line, scene.opening_edges)
+            self.opening = opening
+            self.rows = np.append(self.rows, mesh.n_points + opening.nodes)
+            self.c = np.append(self.c, opening.c)
         self.elastic.products()
         self.time_assemble = time.perf_counter() - start
 
@@ -463,7 +464,8 @@ class Level:
             A_tilde, l_tilde, self.c, self.law(scene), body.lambda_1_error, self.blocks
         )
         if not body.is_held:
-            problem = ContactProblem.on(loose_body(A_tilde, self.c, self.blocks), l_tilde, problem.law)
+            loose = loose_body(A_tilde, self.c, self.blocks)
+            problem = ContactProblem.on(loose, l_tilde, problem.law)
         return Condensed(problem, constant)
 
     def _load(self, scene: Scene) -> tuple[Array, float]:

@@ -64,8 +64,10 @@ def mode_mixity(level: Level, v: Array, xi: Array) -> Array:
     work = work_T + work_N
     row = np.arange(len(work))
     largest = np.argmax(work, axis=1)
-    angle = np.degrees(np.arctan2(work_T[row, largest], work_N[row, largest]))
-    return np.where(work[row, largest] > 0.0, angle, np.nan)
+    work_T = work_T[row, largest]
+    work_N = work_N[row, largest]
+    angle = np.degrees(np.arctan2(work_T, work_N))
+    return np.where(work_T + work_N > 0.0, angle, np.nan)
 
 
 class _Halves(NamedTuple):
