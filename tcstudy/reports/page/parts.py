@@ -84,13 +84,19 @@ def _item(item: Item, box: Container) -> Json:
     part: Json = {"kind": item.kind}
     part["x"] = box.array(item.x, "f4")
     part["y"] = box.array(item.y, "f4")
-    part |= {key: look[key] for key in LOOK_KEYS if key in look}
-    if "color" in look:
-        part["color"] = _page_colour(look["color"])
+    part |= page_look(look)
     if item.kind == "cells":
         part["kinds"] = box.array(look["kinds"], "i1")
         part["colours"] = list(map(_page_colour, look["colours"]))
     return part
+
+
+def page_look(look: Mapping[str, Any]) -> Json:
+    """Return what the scripts know of a look, in the colours of the page."""
+    page = {key: look[key] for key in LOOK_KEYS if key in look}
+    if "color" in look:
+        page["color"] = _page_colour(look["color"])
+    return page
 
 
 def _page_colour(colour: Any) -> Any:

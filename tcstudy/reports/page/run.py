@@ -21,10 +21,10 @@ from tcstudy.data.schema import MISSING_COUNT, STICKS, PointStatus
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures.body import boundary_edges, exaggeration
-from tcstudy.reports.figures.point import slip_range
+from tcstudy.reports.figures.point import CURVE, JUMPS, slip_range
 from tcstudy.reports.figures.sweep import has_equal_ratios
 from tcstudy.reports.json_values import Json
-from tcstudy.reports.page.parts import Container
+from tcstudy.reports.page.parts import Container, page_look
 from tcstudy.reports.page.stored import LEVEL_VARIABLES, Stored
 from tcstudy.reports.picture import (
     LineFields,
@@ -485,6 +485,14 @@ def _laws_of_nodes(stored: Stored, line: LineFields, box: Container) -> Json:
         "strengths": box.rows(rows),
         "strength_of": row_of_point.tolist(),
     }
+
+
+def law_looks() -> Json:
+    """Return the looks of laws in the pictures of `draw`: of curves, of jumps by their kind."""
+    looks: Json = {"curve": page_look(CURVE)}
+    for kind, label, look in JUMPS:
+        looks[str(kind)] = page_look(look | {"label": label})
+    return looks
 
 
 def drawn_law(law: Laws) -> Json:

@@ -49,6 +49,7 @@ from tcstudy.reports.page.parts import (
 from tcstudy.reports.page.run import (
     body_part,
     drawn_level,
+    law_looks,
     law_part,
     level_numbers,
     line_along,
@@ -523,6 +524,7 @@ def _about(stored: Stored) -> Json:
         "unit_system": str(attrs["unit_system"]),
         "solver": str(attrs["solver"]),
         "states": STATES,
+        "law_looks": law_looks(),
         "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
         "symbols": _symbols(stored.data),
         "tolerance": float(attrs["solver_tolerance"]),

@@ -19,6 +19,7 @@ from tcstudy.laws.shapes import LENGTH, SHAPES, STIFFNESS, TRACTION
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.refine.family import Family
+from tcstudy.reports.figures.point import CURVE, JUMPS
 from tcstudy.reports.page.write import write_page
 from tcstudy.scene.records import Convection, Traction
 from tcstudy.scene.study import Study
@@ -228,6 +229,22 @@ def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, stored: Sto
         {edge: np.count_nonzero(nodes) for edge, nodes in own.items()},
         [],
     )
+
+
+def test_laws_have_the_looks_of_the_pictures(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("films"))
+    legends, widths = page.run("""
+        const plots = [...document.querySelectorAll('#point h3')]
+            .filter((h) => h.textContent.startsWith('Friction law of')).map((h) => h.parentElement);
+        return [plots.map((plot) => plot.querySelector('.legend')?.textContent ?? ''),
+                plots.map((plot) => [...plot.querySelectorAll('[stroke-width]')]
+                    .map((node) => Number(node.getAttribute('stroke-width'))))]""")
+    up_jump, down_jump = JUMPS
+    assert all(up_jump[1] in legend for legend in legends)
+    assert not any(down_jump[1] in legend for legend in legends)
+    assert all(pytest.approx(1.5 * up_jump[2]["linewidth"]) in of_plot for of_plot in widths)
+    assert all(pytest.approx(1.5 * CURVE["linewidth"]) in of_plot for of_plot in widths)
+    assert page.complaints() == []
 
 
 def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored: Stored) -> None:

@@ -942,22 +942,18 @@ TC.point = {
       x: Array.from(slips, (value) => value / slipScale.by),
       y: Array.from(traction, (value) => value / tractionScale.by),
     });
+    const looks = TC.data.law_looks;
     const items = curves.map(([slips, traction]) => ({
       kind: "line",
       ...scaled(slips, traction),
-      colour: "var(--ink)",
-      width: 1.6,
+      ...looks.curve,
     }));
-    for (const kink of kinksInRange.filter((index) => law.kind[index] !== 0)) {
-      const isUp = law.kind[kink] > 0;
+    for (const kink of kinksInRange.filter((index) => law.kind[index] !== 0))
       items.push({
         kind: "line",
         ...scaled([law.kinks[kink], law.kinks[kink]], [law.left[kink], law.right[kink]]),
-        colour: isUp ? "var(--c1)" : "var(--c2)",
-        width: isUp ? 3 : 2,
-        dash: isUp ? "" : "4 3",
+        ...looks[String(law.kind[kink])],
       });
-    }
     cases.forEach((solution, kink) =>
       items.push({
         kind: "marks",
@@ -1020,7 +1016,7 @@ TC.point = {
           line,
         ),
         TC.legend(
-          `maximum softening slope ω = ${omega}; thick: up-jump (sticking), dashed: down-jump` +
+          `maximum softening slope ω = ${omega}` +
             (scaled ? "; ξ divided by the strength at its node" : "") +
             difference,
         ),
