@@ -103,12 +103,15 @@ class LineFields:
         s, c = self.arclength[part], self.c[part]
         if len(s) == 1:
             return 0.5 * float(c[0]), 0.5 * float(c[0])
-        return float(c[0] - 0.5 * (s[1] - s[0])), float(c[-1] - 0.5 * (s[-1] - s[-2]))
+        half_first = 0.5 * (s[1] - s[0])
+        half_last = 0.5 * (s[-1] - s[-2])
+        return float(c[0] - half_first), float(c[-1] - half_last)
 
     def cells(self, part: slice) -> Array:
         """Return (n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
         s, (at_start, at_end) = self.arclength[part], self.beyond(part)
-        return np.concatenate([[s[0] - at_start], 0.5 * (s[1:] + s[:-1]), [s[-1] + at_end]])
+        middles = 0.5 * (s[1:] + s[:-1])
+        return np.concatenate([[s[0] - at_start], middles, [s[-1] + at_end]])
 
     def held(self, part: slice) -> tuple[bool, bool]:
         """Return whether a part begins and ends at a constrained node, which is no unknown."""
@@ -124,13 +127,13 @@ class LineFields:
         The segment of its first node then reaches back to the last one, in a chord.
         """
         at_start, at_end = self.beyond(part)
-        x, y = self.x[part], self.y[part]
-        chord = float(np.hypot(x[-1] - x[0], y[-1] - y[0]))
+        ends = np.array([[self.x[i], self.y[i]] for i in (part.start, part.stop - 1)])
+        chord = float(np.hypot(*(ends[1] - ends[0])))
         length = float(np.ptp(self.arclength[part]))
-        is_bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * length
-        return (
-            is_bent and max(abs(chord - at_start - at_end), abs(at_start - at_end)) <= NEAR * chord
-        )
+        if part.stop - part.start <= 2 or chord >= (1.0 - NEAR) * length:
+            return False
+        missing = abs(chord - at_start - at_end)
+        return max(missing, abs(at_start - at_end)) <= NEAR * chord
 
     def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:
         """Return ends of intervals along the part, and the contact node of each interval.
@@ -142,8 +145,8 @@ class LineFields:
         if not self.closed(part):
             return cells, nodes
         start = self.arclength[part.start]
-        cells = np.concatenate([[start], cells[1:], [start + self.c[part].sum()]])
-        return cells, np.append(nodes, part.start)
+        end = start + self.c[part].sum()
+        return np.concatenate([[start], cells[1:], [end]]), np.append(nodes, part.start)
 
 
 @dataclass(frozen=True)
@@ -190,7 +193,7 @@ class NamedEdge:
 class Picture:
     """One solved point of a sweep on one level.
 
-    at:      the numbers of the point, a dataset
+    values:  the numbers of the point, a dataset
     point:   its labels in words
     edges:   those of the body with their roles, of contact alone where the study has no outline
     sources: outlines (n, 2) of heated regions [length units]
@@ -200,7 +203,7 @@ class Picture:
     symbols: of the parameters of the point, by name
     """
 
-    at: Any
+    values: Any
     point: str
     level: int
     line: LineFields
@@ -214,7 +217,7 @@ class Picture:
     @property
     def title(self) -> str:
         """The title of the study."""
-        return str(self.at.attrs["title"])
+        return str(self.values.attrs["title"])
 
     @property
     def words(self) -> str:
@@ -243,19 +246,24 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
     study_alone = None if study is None or scene is None else replace(study, scenes=(scene,))
     sizes = floors(point_alone, study_alone)
     line = contact_line(group)
-    held_u_T: Any = group["held_u_T"].values if "held_u_T" in group else []
     return Picture(
-        at=point_alone.isel(dict.fromkeys(where, 0)).isel(level=number),
+        values=point_alone.isel(dict.fromkeys(where, 0)).isel(level=number),
         point=words,
         level=number,
         line=_without_rounding(line, sizes, number),
         body=body_fields(group, lambda theta: sizes.cleared("theta", theta, number, 0)),
-        edges=tuple(named_edges(study, group)) or tuple(contact_edges(line, group)),
+        edges=tuple(named_edges(study, group) or contact_edges(line, group)),
         sources=tuple(sources(study)),
-        held=np.append(held_u_T, np.nan)[ends_held(line, group)],
+        held=_held_slips(line, group),
         scene=scene,
         symbols=symbols,
     )
+
+
+def _held_slips(line: LineFields, group: Any) -> Array:
+    """Return u_T at both ends of every part of a line; NaN where no constrained node is."""
+    held_u_T: Any = group["held_u_T"].values if "held_u_T" in group else []
+    return np.append(held_u_T, np.nan)[ends_held(line, group)]
 
 
 def _without_rounding(line: LineFields, sizes: Floors, level: int) -> LineFields:
@@ -297,9 +305,9 @@ def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
         at_end = np.flatnonzero(np.abs(stored - cells[-1]) <= room)
         # where two parts meet in one held corner, the end of the one is stored before the start of
         # the other
-        first = int(at_start[-1]) if is_first_held and len(at_start) else -1
-        last = int(at_end[0]) if is_last_held and len(at_end) else -1
-        ends.append((first, last))
+        start = int(at_start[-1]) if is_first_held and len(at_start) else -1
+        end = int(at_end[0]) if is_last_held and len(at_end) else -1
+        ends.append((start, end))
     return ends
 
 
@@ -309,12 +317,15 @@ def contact_line(group: Any) -> LineFields:
     N = group.get("section_force")
     if N is not None and not np.isnan(N.values).any():
         section = N.values, str(N.attrs["units"])
-    is_stored = "sticks" in group
+    sticks = np.zeros(0, dtype=bool)
+    if "sticks" in group:
+        sticks = group["sticks"].values == STICKS
+    fields = {name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")}
     return LineFields(
-        **{name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")},
+        **fields,
         edge=group["edge"].values.astype(np.intp),
         edge_names=_edge_names(group),
-        sticks=group["sticks"].values == STICKS if is_stored else np.zeros(0, dtype=bool),
+        sticks=sticks,
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
         joints=joints_of(group),
@@ -447,11 +458,11 @@ def contact_edges(line: LineFields, group: Any) -> list[NamedEdge]:
     if "held_x" in group:
         ends = np.column_stack([group["held_x"].values, group["held_y"].values])
     edges = list[NamedEdge]()
-    for part, (first, last) in zip(line.parts, ends_held(line, group), strict=True):
+    for part, (start, end) in zip(line.parts, ends_held(line, group), strict=True):
         nodes = xy[part]
         back_to_start = nodes[: int(line.closed(part))]
-        start, end = ends[first : first + 1], ends[last : last + 1]
-        points = np.concatenate([start, nodes, end, back_to_start])
+        held_start, held_end = ends[start : start + 1], ends[end : end + 1]
+        points = np.concatenate([held_start, nodes, held_end, back_to_start])
         indices = [k for k in line.edge[part] if k < len(line.edge_names)]
         names = dict.fromkeys(line.edge_names[k] for k in indices)
         edges.append(NamedEdge(", ".join(names), "contact", 0, points))
@@ -497,8 +508,22 @@ def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
 
     Components stand in the order xx, yy, zz, xy, yz, xz.
     """
-    constants = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])
-    lam, mu, beta, nu, E = constants[body.region].T
+    constants = [(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all]
+    lam, mu, beta, nu, E = np.array(constants)[body.region].T
+    e_xx, e_yy, e_xy = _strains(body)
+    theta = 0.0 if body.theta is None else np.mean(body.theta[body.triangles], axis=1)
+    lateral = lam * (e_xx + e_yy) - beta * theta
+    sigma = np.zeros((len(e_xx), 6))
+    sigma[:, 0] = lateral + 2.0 * mu * e_xx
+    sigma[:, 1] = lateral + 2.0 * mu * e_yy
+    sigma[:, 2] = lateral if material.plane == "strain" else 0.0
+    sigma[:, 3] = 2.0 * mu * e_xy
+    trace = np.sum(sigma[:, :3], axis=1)
+    return sigma, 0.5 * ((1.0 + nu) * _square(sigma) - nu * trace**2) / E
+
+
+def _strains(body: BodyFields) -> tuple[Array, Array, Array]:
+    """Return the strains e_xx, e_yy, e_xy (t,) of triangles with linear displacements."""
     x, y = np.moveaxis(body.xy[body.triangles], -1, 0)
     b = np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1)
     d = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
@@ -507,31 +532,28 @@ def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
     u, v = np.moveaxis(body.u[body.triangles], -1, 0)
     e_xx = np.sum(u * b, axis=1) / twice_area
     e_yy = np.sum(v * d, axis=1) / twice_area
-    e_xy = 0.5 * (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice_area
-    theta = np.zeros(len(x)) if body.theta is None else np.mean(body.theta[body.triangles], axis=1)
+    gamma_xy = (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice_area
+    return e_xx, e_yy, 0.5 * gamma_xy
 
-    lateral = lam * (e_xx + e_yy) - beta * theta
-    sigma = np.zeros((len(x), 6))
-    sigma[:, 0] = lateral + 2.0 * mu * e_xx
-    sigma[:, 1] = lateral + 2.0 * mu * e_yy
-    sigma[:, 2] = lateral if material.plane == "strain" else 0.0
-    sigma[:, 3] = 2.0 * mu * e_xy
-    square = np.sum(sigma[:, :3] ** 2, axis=1) + 2.0 * np.sum(sigma[:, 3:] ** 2, axis=1)
-    trace = np.sum(sigma[:, :3], axis=1)
-    return sigma, 0.5 * ((1.0 + nu) * square - nu * trace**2) / E
+
+def _square(sigma: Array) -> Array:
+    """Return σ : σ of stresses (…, 6); shear stresses count twice."""
+    normal, shear = sigma[..., :3], sigma[..., 3:]
+    return np.asarray(np.sum(normal**2, axis=-1) + 2.0 * np.sum(shear**2, axis=-1))
 
 
 def von_mises(sigma: Array) -> Array:
     """Return √(3/2 s : s) of the deviators s of stresses (…, 6)."""
-    deviator = sigma[..., :3] - np.mean(sigma[..., :3], axis=-1, keepdims=True)
-    square = np.sum(deviator**2, axis=-1) + 2.0 * np.sum(sigma[..., 3:] ** 2, axis=-1)
-    return np.asarray(np.sqrt(1.5 * square))
+    deviator = sigma.copy()
+    deviator[..., :3] -= np.mean(sigma[..., :3], axis=-1, keepdims=True)
+    return np.asarray(np.sqrt(1.5 * _square(deviator)))
 
 
 def principal(sigma: Array, sign: float) -> Array:
     """Return the larger (sign 1) or smaller (−1) in-plane principal stress of stresses (…, 6)."""
-    x, y = sigma[..., 0], sigma[..., 1]
-    return np.asarray(0.5 * (x + y) + sign * np.hypot(0.5 * (x - y), sigma[..., 3]))
+    x, y, shear = sigma[..., 0], sigma[..., 1], sigma[..., 3]
+    radius = np.hypot(0.5 * (x - y), shear)
+    return np.asarray(0.5 * (x + y) + sign * radius)
 
 
 def stress_floor(body: BodyFields, material: Material, sigma: Array) -> float:
@@ -575,7 +597,8 @@ def recovered(body: BodyFields, material: Material) -> tuple[Array, float]:
     sigma, _ = stresses(body, material)
     corners, region = body.triangles, body.region.astype(np.intp)
     a, b, c = body.xy[corners.T]
-    area = 0.5 * np.abs(np.linalg.det(np.stack([b - a, c - a], axis=-1)))
+    sides = np.stack([b - a, c - a], axis=-1)
+    area = 0.5 * np.abs(np.linalg.det(sides))
     shape = region.max() + 1, len(body.xy)
     mean, weight = np.zeros((*shape, 6)), np.zeros((*shape, 1))
     for corner in corners.T:
@@ -586,7 +609,8 @@ def recovered(body: BodyFields, material: Material) -> tuple[Array, float]:
     def square(linear: Array) -> float:
         """Return ∫ |d|² of stresses d (t, 3, 6) given at corners."""
         corner_sums = np.sum(linear**2, axis=1) + np.sum(linear, axis=1) ** 2
-        return float(np.sum(area[:, None] / 12.0 * corner_sums * [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]))
+        shear_twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+        return float(np.sum(area[:, None] / 12.0 * corner_sums * shear_twice))
 
     at_corners = mean[region[:, None], corners]
     size = square(at_corners)

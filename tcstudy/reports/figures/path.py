@@ -43,20 +43,17 @@ from tcstudy.reports.text import counted, number, prefix, pretty
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RED_DOT: dict[str, Any] = {
-    "color": style.VERMILLION,
-    "marker": "o",
-    "markerfacecolor": "white",
-    "linestyle": "none",
-}
 DASHED: dict[str, Any] = {"linestyle": (0, (4, 2)), "zorder": 2}
+DOT: dict[str, Any] = {"marker": "o", "linestyle": "none"}
+
+RED_DOT = DOT | {"color": style.VERMILLION, "markerfacecolor": "white"}
 
 # -- paths -----------------------------------------------------------------------------------------
 
 RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = {
-    "mean-slip": ("mean u_T", "u_T", lambda u, xi, c: np.asarray(u @ c / c.sum())),
-    "max-slip": ("max |u_T|", "u_T", lambda u, xi, c: np.max(np.abs(u), axis=1, initial=0.0)),
-    "friction": ("∫ξ ds", "xi", lambda u, xi, c: np.asarray(xi @ c)),
+    "mean-slip": ("mean u_T", "u_T", lambda u_T, xi, c: np.asarray(u_T @ c / c.sum())),
+    "max-slip": ("max |u_T|", "u_T", lambda u_T, xi, c: np.max(np.abs(u_T), axis=1, initial=0.0)),
+    "friction": ("∫ξ ds", "xi", lambda u_T, xi, c: np.asarray(xi @ c)),
 }
 """Responses over the parameter of a path: label, source variable, formula."""
 
@@ -71,19 +68,8 @@ def response_of(data: Any, response: str, kind: str = "") -> Array:
 CURVE, MAP = 3.4, 1.25
 """Heights of the response curve and of the map of states [inch]."""
 STABLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.3, "zorder": 4}
-UNSTABLE: dict[str, Any] = {
-    "color": style.VERMILLION,
-    "linewidth": 0.9,
-    "linestyle": (0, (4, 2)),
-    "zorder": 3,
-}
-ASKED: dict[str, Any] = {
-    "color": style.BLUE,
-    "marker": "D",
-    "markersize": 5,
-    "linestyle": "none",
-    "zorder": 7,
-}
+UNSTABLE = DASHED | {"color": style.VERMILLION, "linewidth": 0.9, "zorder": 3}
+REQUESTED = DOT | {"color": style.BLUE, "marker": "D", "markersize": 5, "zorder": 7}
 LEAST = (("#5aa9dc", "global minimum (proved)"), ("#c3dff2", "lowest energy on the path"))
 COLOURS = ("#dedede", "#7fb8de", "#f2c14e", "#d55e00", "#b7a3d6")
 """Colours of `ContactState`."""
@@ -95,7 +81,8 @@ def path_figure(data: Any, response: str, look: style.Look) -> Figure:
         raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
     panels = path_panels(data, response)
     facts = [path_verdict(data).sentence]
-    sheet = Sheet(look, data.attrs["title"], facts, [["curve"], ["over"]], (CURVE, MAP))
+    rows = [["curve"], ["over"]]
+    sheet = Sheet(look, data.attrs["title"], facts, rows, (CURVE, MAP))
     sheet.draw(panels)
     sheet.share("curve", "over")
     sheet.key("curve", place="upper left")
@@ -125,11 +112,11 @@ def _drawn_values(data: Any, response: str) -> Array:
     """Return the values of a response in the range of the parameter, on all branches."""
     span = np.sort(np.asarray(data.attrs["parameter_range"], dtype=float))
     y = response_of(data, response)
-    drawn = within(data["parameter"].values, y, span)
+    values_in_range = within(data["parameter"].values, y, span)
     branches = np.zeros(0)
     if "branch_u_T" in data:
         branches = response_of(data, response, "branch_")
-    return np.concatenate([drawn if len(drawn) else y, branches])
+    return np.concatenate([values_in_range if len(values_in_range) else y, branches])
 
 
 def _response_panel(data: Any, response: str) -> Panel:
@@ -168,18 +155,27 @@ def _draw_branches(panel: Panel, data: Any, response: str) -> None:
 def _draw_least_energy(panel: Panel, data: Any, response: str) -> None:
     """Draw a broad band behind the curve where the solution has the lowest energy on the path."""
     t, y = data["parameter"].values, response_of(data, response)
-    ends = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1)
+    ends = _ends_of_lowest(data)
     piece, proved = data["lowest_piece"].values, data["lowest_certified"].values.astype(bool)
-    step = t[piece + 1] - t[piece]
-    slope = np.divide(y[piece + 1] - y[piece], step, out=np.zeros(len(step)), where=step != 0.0)
+    step, rise = t[piece + 1] - t[piece], y[piece + 1] - y[piece]
+    slope = np.divide(rise, step, out=np.zeros(len(step)), where=step != 0.0)
     values = y[piece, None] + slope[:, None] * (ends - t[piece, None])
+    look = {"linewidth": 6.0, "solid_capstyle": "butt", "zorder": 1}
     for is_drawn, (colour, label) in zip((proved, ~proved), LEAST, strict=True):
         if is_drawn.any():
-            # NaN between the pieces breaks the line
-            xs = np.insert(ends[is_drawn], 2, np.nan, axis=1).ravel()
-            ys = np.insert(values[is_drawn], 2, np.nan, axis=1).ravel()
-            look = {"linewidth": 6.0, "solid_capstyle": "butt", "zorder": 1}
+            xs, ys = _broken(*ends[is_drawn].T), _broken(*values[is_drawn].T)
             panel.line(xs, ys, color=colour, **look, label=label)
+
+
+def _ends_of_lowest(data: Any) -> Array:
+    """Return (k, 2) the values of the parameter between which a piece has the lowest energy."""
+    return np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1)
+
+
+def _broken(start: Array, end: Array) -> Array:
+    """Return one coordinate of separate pieces in one line, which NaN breaks between them."""
+    gap = np.full(len(start), np.nan)
+    return np.stack([start, end, gap], axis=1).ravel()
 
 
 def _draw_requested(panel: Panel, data: Any, response: str) -> None:
@@ -190,8 +186,8 @@ def _draw_requested(panel: Panel, data: Any, response: str) -> None:
     t, stable = data["solution_parameter"].values, data["solution_stable"].values.astype(bool)
     for value in data["at"].values:
         panel.up(float(value), color=style.PALE, linewidth=0.6, linestyle=":")
-    panel.line(t[stable], y[stable], **ASKED, label="requested (open: unstable)")
-    panel.line(t[~stable], y[~stable], **ASKED, markerfacecolor="white")
+    panel.line(t[stable], y[stable], **REQUESTED, label="requested (open: unstable)")
+    panel.line(t[~stable], y[~stable], **REQUESTED, markerfacecolor="white")
 
 
 def _draw_hysteresis(panel: Panel, data: Any, response: str) -> None:
@@ -201,8 +197,8 @@ def _draw_hysteresis(panel: Panel, data: Any, response: str) -> None:
     panel.line(t, y, **look, label="slow loading and unloading")
     jumps = data["jump_vertex"].values if "jump_vertex" in data else []
     for vertex in jumps:
-        start, end = (t[vertex], y[vertex]), (t[vertex + 1], y[vertex + 1])
-        panel.arrow(start, end, 12.0, color=style.GREEN, linewidth=1.1)
+        start, end = np.stack([t, y], axis=1)[vertex : vertex + 2]
+        panel.arrow(start.tolist(), end.tolist(), 12.0, color=style.GREEN, linewidth=1.1)
 
 
 def _state_panel(data: Any, curve: Panel) -> Panel:
@@ -211,7 +207,8 @@ def _state_panel(data: Any, curve: Panel) -> Panel:
     panel = Panel(curve.x, arclength, "State of the contact line: lowest energy on the path")
     panel.limits = [curve.limits[0], (0.0, float(arclength(cuts[-1])))]
     if "lowest_begin" in data and data["lowest_begin"].size:
-        ends = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1)
+        ends = _ends_of_lowest(data)
+        # between two pieces with the lowest energy nothing is drawn
         states = np.full((2 * len(ends) - 1, len(nodes)), -1)
         states[::2] = data["state"].values[data["lowest_piece"].values][:, nodes]
         panel.cells(ends.ravel(), cuts, states, COLOURS, STATES)
@@ -222,8 +219,10 @@ def within(t: Array, y: Array, span: Array) -> Array:
     """Return the values of a line y(t) at its vertices in a span and at the ends of the span."""
     step = np.where(np.diff(t) == 0.0, 1.0, np.diff(t))
     share = (span[:, None] - t[:-1]) / step
-    crossed = (y[:-1] + share * np.diff(y))[(share > 0.0) & (share < 1.0)]
-    return np.concatenate([y[(t >= span[0]) & (t <= span[1])], crossed])
+    crossings = y[:-1] + share * np.diff(y)
+    is_crossed = (share > 0.0) & (share < 1.0)
+    is_inside = (t >= span[0]) & (t <= span[1])
+    return np.concatenate([y[is_inside], crossings[is_crossed]])
 
 
 def _draw_pieces(
@@ -247,7 +246,6 @@ ROOM = 0.16, 0.1
 """Room beside and above the loop for names, of its width and height."""
 LONG = 0.1
 """Least length of a step with an arrow, relative to the loop."""
-DOT: dict[str, Any] = {"marker": "o", "linestyle": "none"}
 
 
 def draw_history(
@@ -267,10 +265,8 @@ def draw_history(
     panels = history_panels(history, x_name, y_name)
     steps = counted(history.sizes["step"] - 1, "step")
     memory, change = f"memory: {history.attrs['memory']}", last_change(history)[1]
-    facts = [
-        style.point_words(point_words, axis_symbols(history)),
-        ";  ".join(filter(None, [memory, steps, change])),
-    ]
+    title = style.point_words(point_words, axis_symbols(history))
+    facts = [title, ";  ".join(filter(None, [memory, steps, change]))]
     rows = []
     for name in panels:
         if name in HEIGHTS:
@@ -359,7 +355,8 @@ def _motion_panel(data: Any) -> Panel:
     stride = max(1, -(-step_count // 8))
     ticks = list(range(stride, step_count, stride))
     panel.ticks = ticks, [str(step) for step in ticks]
-    panel.limits = [(0.5, max(step_count - 0.5, 1.5)), (0.0, float(arclength(cuts[-1])))]
+    last_edge = max(step_count - 0.5, 1.5)
+    panel.limits = [(0.5, last_edge), (0.0, float(arclength(cuts[-1])))]
     return panel
 
 
@@ -383,11 +380,10 @@ def _section_panel(data: Any) -> Panel:
     panel.across(0.0)
     named_steps = np.flatnonzero(names != "")[-len(style.SERIES) :].tolist()
     steps = named_steps or [len(names) - 1]
+    places = data["arclength"].values[nodes]
     for step, colour in zip(steps, style.SERIES, strict=False):
         label = f"N: {names[step] or 'step'} ({step})"
-        panel.line(
-            data["arclength"].values[nodes], N.values[step, nodes], color=colour, label=label
-        )
+        panel.line(places, N.values[step, nodes], color=colour, label=label)
     return panel
 
 
@@ -402,10 +398,8 @@ def _cycle_panels(data: Any) -> dict[str, Panel]:
     dissipated = [data["dissipated"].values[cycle == number].sum() for number in whole_cycles]
     u_T = data["u_T"].values[[0, *last_steps]]
     change = np.abs(np.diff(u_T, axis=0)).max(axis=1)
-    return {
-        "spent": _cycle_panel("dissipated", np.array(dissipated), data["dissipated"]),
-        "change": _cycle_panel("change of u_T", change, data["u_T"]),
-    }
+    spent_panel = _cycle_panel("dissipated", np.array(dissipated), data["dissipated"])
+    return {"spent": spent_panel, "change": _cycle_panel("change of u_T", change, data["u_T"])}
 
 
 def _cycle_panel(title: str, values: Array, source: Any) -> Panel:
@@ -425,17 +419,18 @@ def _loop(data: Any, x: str, y: str) -> Panel:
     cycle, names = data["cycle"].values, data["step_name"].values
     panel = Panel(_axis(data, x), _axis(data, y))
     panel.across(0.0)
-    last_cycle = values[:, max(int(np.flatnonzero(cycle >= cycle[-1])[0]) - 1, 0) :]
+    first_step = int(np.flatnonzero(cycle >= cycle[-1])[0])
+    last_cycle = values[:, max(first_step - 1, 0) :]
     panel.line(*values, color=style.BLUE, linewidth=1.1, alpha=0.55)
     panel.line(*last_cycle, color=style.BLUE, linewidth=2.0)
     _draw_sense(panel, last_cycle)
     rings: dict[str, Any] = {"color": style.VERMILLION, "markerfacecolor": "none"}
     jumps = values[:, data["jumps"].values > 0]
     panel.line(jumps[0], jumps[1], **DOT, **rings, markersize=8, zorder=4)
-    named = values[:, names != ""]
-    panel.line(named[0], named[1], **DOT, color=style.INK, markersize=4, zorder=5)
+    named_x, named_y = values[:, names != ""]
+    panel.line(named_x, named_y, **DOT, color=style.INK, markersize=4, zorder=5)
     panel.window(values[0], np.append(values[1], 0.0), ROOM)
-    panel.names(named[0], named[1], [str(name) for name in names if name])
+    panel.names(named_x, named_y, [str(name) for name in names if name])
     return panel
 
 
@@ -470,7 +465,8 @@ def fit_figure(data: Any, look: style.Look) -> Figure:
     panels = fit_panels(data)
     estimates = []
     for i, name in enumerate(data["parameter"].values):
-        divisor, unit = prefix([float(data["estimate"][i])], str(data["parameter_units"].values[i]))
+        units = str(data["parameter_units"].values[i])
+        divisor, unit = prefix([float(data["estimate"][i])], units)
         value = float(data["estimate"][i]) / divisor
         error = float(data["standard_error"][i]) / divisor
         estimate = f"{style.symbol(str(name))} = {number(value)} {pretty(unit)}".rstrip()
@@ -541,7 +537,8 @@ def _curve(data: Any, column: int) -> Panel:
         _draw_fitted_values(panel, data, rows)
     _draw_noise(panel, x, y, given_noise, noise)
     panel.line(x, y, **DATA, label="data", zorder=2)
-    panel.window(x, np.append(y, 0.0) if y.min() > 0.0 else y, (0.06, 0.08))
+    shown_values = np.append(y, 0.0) if y.min() > 0.0 else y
+    panel.window(x, shown_values, (0.06, 0.08))
     return panel
 
 
@@ -572,17 +569,15 @@ def _draw_fitted_values(panel: Panel, data: Any, rows: Any) -> None:
     """Draw the fitted values and their band of 95 %, in the order of x."""
     x = data["predicted_given"].values[rows]
     order = np.argsort(x, kind="stable")
-    fitted = data["predicted"].values[rows]
-    error = BAND * prediction_error(data)[rows]
-    panel.line(x[order], fitted[order], **FITTED, label="fit")
-    panel.band(x[order], (fitted - error)[order], (fitted + error)[order], label="95 % band")
+    x = x[order]
+    fitted = data["predicted"].values[rows][order]
+    error = BAND * prediction_error(data)[rows][order]
+    panel.line(x, fitted, **FITTED, label="fit")
+    panel.band(x, fitted - error, fitted + error, label="95 % band")
 
 
 def _draw_noise(panel: Panel, x: Array, y: Array, x_noise: float, y_noise: Array) -> None:
     """Draw the standard uncertainty of the data as crosses."""
-    gap = np.full(len(x), np.nan)
     look = {"color": style.INK, "linewidth": 0.5}
-    upright_x, upright_y = np.stack([x, x, gap], 1), np.stack([y - y_noise, y + y_noise, gap], 1)
-    panel.line(upright_x.ravel(), upright_y.ravel(), **look)
-    level_x, level_y = np.stack([x - x_noise, x + x_noise, gap], 1), np.stack([y, y, gap], 1)
-    panel.line(level_x.ravel(), level_y.ravel(), **look)
+    panel.line(_broken(x, x), _broken(y - y_noise, y + y_noise), **look)
+    panel.line(_broken(x - x_noise, x + x_noise), _broken(y, y), **look)

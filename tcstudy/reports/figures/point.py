@@ -79,7 +79,7 @@ def point_figure(
 
 
 def _mesh_words(picture: Picture) -> str:
-    values = picture.at
+    values = picture.values
     h_max = with_unit(float(values["h_max"]), picture.line.length_units, 3)
     facts = [
         f"level {picture.level}",
@@ -468,7 +468,7 @@ def _law_panel(
 
 
 def _facts(point: Picture) -> list[str]:
-    values = point.at
+    values = point.values
     words = filter(None, [style.point_words(point.point, point.symbols), f"level {point.level}"])
     facts = [",  ".join(words), ""]
     if "lambda_1" in values and np.isfinite(values["lambda_1"]):
