@@ -388,7 +388,8 @@ def from_rest_left(energy: Array, ambiguous: Flags) -> bool:
     """
     energies = energy[ambiguous]
     size = np.nanmax(np.abs(energies), axis=-1)
-    return bool(np.any(energies[:, 0] - np.nanmin(energies, axis=-1) > SAME * size))
+    excess = energies[:, 0] - np.nanmin(energies, axis=-1)
+    return bool(np.any(excess > SAME * size))
 
 
 def several_found(run: RunSeen, unique: Flags) -> Flags:
@@ -408,8 +409,10 @@ def several(energy: Array, unique: Flags) -> Flags:
     to be the only one.
     """
     energy = np.sort(energy, axis=-1)
-    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    return np.asarray(np.any(np.diff(energy, axis=-1) > SAME * size, axis=-1) & ~unique)
+    finite = np.where(np.isfinite(energy), energy, 0.0)
+    size = np.max(np.abs(finite), axis=-1, keepdims=True)
+    are_different = np.diff(energy, axis=-1) > SAME * size
+    return np.asarray(np.any(are_different, axis=-1) & ~unique)
 
 
 def _equilibria_of_body(run: RunSeen) -> str:
@@ -427,10 +430,10 @@ def _equilibria_of_body(run: RunSeen) -> str:
         words = most if least == counts.max() else f"{counted_in_words(int(least))} to {most}"
         return f"{body} has at least {words} equilibria{where}"
     sizes = run.take("existence_size")
-    found = run.take("solutions")
-    if sizes is None or found is None or not np.any(found[run.ok] > 1):
+    solutions = run.take("solutions")
+    if sizes is None or solutions is None or not np.any(solutions[run.ok] > 1):
         return ""
-    size = float(np.min(sizes[run.ok][found[run.ok] > 1]))  # NaN where it is not known
+    size = float(np.min(sizes[run.ok][solutions[run.ok] > 1]))  # NaN where it is not known
     words = f"several equilibria of {body} not proved"
     return f"{words}: needs about h_max = {with_unit(size, run.units, 2)}" if size > 0.0 else words
 
@@ -530,7 +533,8 @@ def _accuracy(run: RunSeen) -> tuple[str, ...]:
     bound = run.take("error_bound_relative")
     if bound is not None:
         of_polygon = run.nc.__dict__.get(GUARANTEE, "") == "polygon"
-        facts.append(_error_bound(bound[run.ok], f" (of the {POLYGON})" if of_polygon else ""))
+        bounded_object = f" (of the {POLYGON})" if of_polygon else ""
+        facts.append(_error_bound(bound[run.ok], bounded_object))
         facts.append(_slip_bound(run))
     stop = str(run.nc["stop"][-1]) if "stop" in run.nc.variables else ""
     if " not met:" in stop:
@@ -538,11 +542,11 @@ def _accuracy(run: RunSeen) -> tuple[str, ...]:
     return tuple(filter(None, facts))
 
 
-def _error_bound(bound: Array, of: str) -> str:
+def _error_bound(bound: Array, bounded_object: str) -> str:
     """Return how large the error of u is proved to be; "" where that is nothing.
 
-    bound: (P,) of solved points, relative, NaN where there is none
-    of:    what it is of, in brackets, where that is not the body
+    bound:          (P,) of solved points, relative, NaN where there is none
+    bounded_object: what it is of, in brackets, where that is not the body
     """
     is_useful = bound < 1.0
     count, total = int(np.count_nonzero(is_useful)), len(bound)
@@ -551,7 +555,7 @@ def _error_bound(bound: Array, of: str) -> str:
     words = f"error of u proved to be at most {percent(float(np.max(bound[is_useful])))}"
     if count < total:
         words += f" at {count} of {total} points, not bounded below 100 % elsewhere"
-    return words + of
+    return words + bounded_object
 
 
 def _slip_bound(run: RunSeen) -> str:
@@ -599,17 +603,17 @@ def _goal_error(run: RunSeen) -> str | None:
     goal, estimate = run.take("goal"), run.take("goal_estimate")
     if goal is None or estimate is None:
         return None
-    known = run.ok & np.isfinite(estimate) & np.isfinite(goal)
-    if not known.any():
+    is_estimated = run.ok & np.isfinite(estimate) & np.isfinite(goal)
+    if not is_estimated.any():
         return None
     # a goal that is no larger than its error has no relative error
-    small = known & (estimate > 0.0) & (estimate >= np.abs(goal))
+    is_small = is_estimated & (estimate > 0.0) & (estimate >= np.abs(goal))
     size = np.where(goal == 0.0, 1.0, np.abs(goal))
-    comparable = known & ~small
-    share = (estimate[comparable] / size[comparable]).max(initial=0.0)
+    is_comparable = is_estimated & ~is_small
+    share = (estimate[is_comparable] / size[is_comparable]).max(initial=0.0)
     words = [_about(float(share))] if share > 0.0 else []
-    if small.any():
-        words.append(f"the goal no larger than its mesh error at {small.sum()}")
+    if is_small.any():
+        words.append(f"the goal no larger than its mesh error at {is_small.sum()}")
     return ", ".join(words)
 
 
@@ -642,34 +646,43 @@ def last_change(run: RunSeen) -> MeshChange | None:
     them, so that it alone says nothing of the mesh.
     """
     changes = [_change_of(run, name) for name in CHANGED]
-    known = [change for change in changes if change is not None]
-    return max(known, key=lambda change: change.share, default=None)
+    judged = [change for change in changes if change is not None]
+    return max(judged, key=lambda change: change.share, default=None)
 
 
 def _change_of(run: RunSeen, name: str) -> MeshChange | None:
     """Return the largest relative change of one result by the last refinement."""
-    last, before = run.take(name), run.take(name, -2)
-    if last is None or before is None:
+    finest, coarser = run.take(name), run.take(name, -2)
+    if finest is None or coarser is None:
         return None
-    solved_before = run.take("status", -2) == int(PointStatus.OK)
-    known = run.ok & solved_before & np.isfinite(last) & np.isfinite(before)
-    if not known.any():
+    is_solved = run.ok & (run.take("status", -2) == int(PointStatus.OK))
+    is_judged = is_solved & np.isfinite(finest) & np.isfinite(coarser)
+    if not is_judged.any():
         return None
-    largest = float(np.abs(last[known]).max())
-    size = np.maximum(np.abs(last), MIN_SIZE * largest)
-    if name == "u_T_max":
-        known &= np.maximum(np.abs(last), np.abs(before)) > _slip_rounding(run)
-    change = np.where(known, np.abs(last - before), 0.0)
-    share = np.divide(change, size, out=np.zeros_like(change), where=size > 0.0)
+    change = np.abs(finest - coarser)
+    largest = float(np.abs(finest[is_judged]).max())
+    size = np.maximum(np.abs(finest), MIN_SIZE * largest)
     if name == "friction_resultant":
-        share = np.where(known, share, -1.0)
-        return _resultant_change(run, change, share, largest)
-    known &= size > 0.0
-    if not known.any():
+        bound = _relative(change, size, is_judged)
+        return _resultant_change(run, change, bound, largest)
+    is_judged &= size > 0.0
+    if name == "u_T_max":
+        is_judged &= np.maximum(np.abs(finest), np.abs(coarser)) > _slip_rounding(run)
+    if not is_judged.any():
         return None
-    share = np.where(known, share, -1.0)
+    share = _relative(change, size, is_judged)
     place = first_largest(share)
     return MeshChange(float(share[place]), CHANGED[name], place)
+
+
+NOT_JUDGED = -1.0
+"""Relative change of a point that has none: less than any other."""
+
+
+def _relative(change: Array, size: Array, is_judged: Flags) -> Array:
+    """Return (*dims) the change relative to a size, 0 for the size 0, NOT_JUDGED elsewhere."""
+    share = np.where(is_judged, 0.0, NOT_JUDGED)
+    return np.divide(change, size, out=share, where=is_judged & (size > 0.0))
 
 
 def _slip_rounding(run: RunSeen) -> Array | float:
@@ -677,8 +690,8 @@ def _slip_rounding(run: RunSeen) -> Array | float:
     shear, lambda_1 = run.take("shear_max"), run.take("lambda_1")
     if shear is None or lambda_1 is None:
         return 0.0
-    known = np.isfinite(shear) & (lambda_1 > 0.0)
-    return np.divide(SAME * shear, lambda_1, out=np.zeros_like(shear), where=known)
+    has_bound = np.isfinite(shear) & (lambda_1 > 0.0)
+    return np.divide(SAME * shear, lambda_1, out=np.zeros_like(shear), where=has_bound)
 
 
 def _resultant_change(
@@ -689,10 +702,11 @@ def _resultant_change(
     |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than the largest so far
     need be read.
 
-    bound: (*dims) the change relative to |∫ξ|, −1 where it is not known
+    bound: (*dims) the change relative to |∫ξ|, or NOT_JUDGED
     """
     most: MeshChange | None = None
-    for k in np.argsort(-bound, axis=None)[: np.count_nonzero(bound >= 0.0)]:
+    judged_first = np.argsort(-bound, axis=None)
+    for k in judged_first[: np.count_nonzero(bound >= 0.0)]:
         place = tuple(int(i) for i in np.unravel_index(k, bound.shape))
         if most is not None and bound[place] <= most.share:
             break
@@ -741,9 +755,9 @@ def _abrupt_step(
     step = np.abs(np.diff(lines, axis=-1))
     ordered = np.sort(step, axis=-1)  # NaN last
     largest, size = ordered[..., -1], np.max(np.abs(lines), axis=-1)
-    others = np.median(ordered[..., :-1], axis=-1)
+    usual_step = np.median(ordered[..., :-1], axis=-1)
     with np.errstate(invalid="ignore"):
-        is_abrupt = (largest > MIN_STEEPNESS * others) & (largest > MIN_STEP * size)
+        is_abrupt = (largest > MIN_STEEPNESS * usual_step) & (largest > MIN_STEP * size)
     if not is_abrupt.any():
         return
     most_abrupt = int(np.argmax(np.where(is_abrupt, largest, 0.0)))
@@ -878,13 +892,13 @@ def _closed_loop(dissipated: Array, was_unchanged: bool, units: str) -> str:
 
     was_unchanged: whether the one before left none, too
     """
-    before, last = dissipated[-2:]
-    if abs(last - before) <= EQUAL_DISSIPATION * max(before, last) and was_unchanged:
+    energy_before, energy = dissipated[-2:]
+    difference = abs(energy - energy_before)
+    if difference <= EQUAL_DISSIPATION * max(energy_before, energy) and was_unchanged:
         return "the last two cycles dissipate the same and leave no net slip"
-    last_energy, energy_before = (with_unit(float(spent), units, 6) for spent in (last, before))
     return (
-        f"the last cycle leaves no net slip; it dissipates {last_energy}, "
-        f"the one before {energy_before}"
+        f"the last cycle leaves no net slip; it dissipates {with_unit(float(energy), units, 6)}, "
+        f"the one before {with_unit(float(energy_before), units, 6)}"
     )
 
 

@@ -65,7 +65,8 @@ def convergence_figure(
     facts += _legend(data, selected)
     names = list(panels)
     rows = list(zip_longest(names[0::2], names[1::2], fillvalue="."))
-    sheet = Sheet(look, data.attrs["title"], [";  ".join(facts)], rows, [PANEL] * len(rows))
+    heights = [PANEL] * len(rows)
+    sheet = Sheet(look, data.attrs["title"], [";  ".join(facts)], rows, heights)
     sheet.draw(panels)
     for axes in sheet.panels.values():
         _add_legend(axes)
@@ -97,13 +98,9 @@ def _add_legend(axes: Axes) -> None:
     low, high = np.log10(axes.get_ylim())
     room = (LEGEND_LINE * len(axes.get_legend_handles_labels()[1]) + 0.05) / PANEL
     axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
-    axes.legend(
-        loc="lower right",
-        frameon=False,
-        fontsize=style.pt(8.5),
-        handlelength=1.6,
-        borderaxespad=0.1,
-    )
+    letters = style.pt(8.5)
+    look = {"frameon": False, "handlelength": 1.6, "borderaxespad": 0.1}
+    axes.legend(loc="lower right", fontsize=letters, **look)
 
 
 def _state(selected: Any, name: str) -> str:
@@ -144,16 +141,14 @@ def _draw_errors(panel: Panel, selected: Any, states: Mapping[str, str]) -> None
     for (name, state), look in zip(states.items(), LOOKS, strict=False):
         error = selected[f"error_{name}"].values
         good, bad = converged & (error > 0), ~converged & (error > 0)
-        slope, slope_error = (
-            float(selected[f"slope_{name}"]),
-            float(selected[f"slope_error_{name}"]),
-        )
-        order = sentences.order(slope, slope_error)
-        curve_look = look | {
-            "linestyle": "--" if state in ("guess", "pre_asymptotic") else "-",
-            "alpha": 0.45 if state == "guess" else 1.0,
-            "label": SYMBOLS[name] + ("" if order == "–" else f": {order}"),
-        }
+        slope = float(selected[f"slope_{name}"])
+        order = sentences.order(slope, float(selected[f"slope_error_{name}"]))
+        curve_look = look | {"linestyle": "-", "alpha": 1.0}
+        if state in ("guess", "pre_asymptotic"):
+            curve_look["linestyle"] = "--"
+        if state == "guess":
+            curve_look["alpha"] = 0.45
+        curve_look["label"] = SYMBOLS[name] + ("" if order == "–" else f": {order}")
         face = "white" if look is LOOKS[0] else None
         panel.line(h[good], error[good], **curve_look, markerfacecolor=face)
         panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
@@ -192,18 +187,17 @@ def _limit_sizes(panel: Panel, selected: Any, states: Mapping[str, str]) -> None
     has_error = np.array([selected[f"error_{name}"].values > 0 for name in states]).any(axis=0)
     sizes = panel.x(selected["h_max"].values[has_error])
     panel.ticks = sizes.tolist(), [f"{value:.2g}" for value in sizes]
-    left, right = sizes.min(), sizes.max()
-    start = left * (left / right) ** BESIDE
-    end = right * (right / left) ** 0.06 if right > left else None
+    finest, coarsest = sizes.min(), sizes.max()
+    start = finest * (finest / coarsest) ** BESIDE
+    end = coarsest * (coarsest / finest) ** 0.06 if coarsest > finest else None
     panel.limits[0] = start, end
 
 
 # -- errors over time and unknowns -----------------------------------------------------------------
 
 GOLD = "#f0c000"
-COLOURS = dict(
-    zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, style.GREEN), strict=True)
-)
+_FAMILY_COLOURS = (style.INK, style.VERMILLION, style.BLUE, style.GREEN)
+COLOURS = dict(zip((*FAMILIES, OWN), _FAMILY_COLOURS, strict=True))
 MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
 LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 """Line styles of the first, second … solver."""
@@ -244,15 +238,12 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     unknowns = Panel(Scale("displacement DOFs N"), error, log=(True, True), grid=True)
     families, solvers = data["family"].values.tolist(), data["solver"].values.tolist()
     on_front = {(setting.family, setting.solver) for setting in front(measured)}
+    drawn = [setting for setting in measured if setting.error > 0 and setting.time > 0]
     for family in families:
         unknowns.line([], [], **_marks(family), label=family)
         for number, solver in enumerate(solvers):
             curve = [
-                setting
-                for setting in measured
-                if (setting.family, setting.solver) == (family, solver)
-                and setting.error > 0
-                and setting.time > 0
+                setting for setting in drawn if (setting.family, setting.solver) == (family, solver)
             ]
             alpha = 1.0 if (family, solver) in on_front else PALE
             _draw_times(time, family, curve, LINES[number % len(LINES)], alpha)
@@ -287,7 +278,8 @@ def _draw_times(
     t = np.array([setting.time for setting in solved])
     upper = np.array([setting.upper for setting in solved])
     error = np.array([setting.error for setting in solved])
-    ring_t, ring_error = np.concatenate([t, upper[::-1]]), np.concatenate([error, error[::-1]])
+    ring_t = np.concatenate([t, upper[::-1]])
+    ring_error = np.concatenate([error, error[::-1]])
     panel.fill(ring_t, ring_error, color=colour, alpha=0.16 * alpha)
     panel.line(t, error, color=colour, linestyle=dash, linewidth=1.2, alpha=alpha)
     for setting in curve:
@@ -304,18 +296,17 @@ def _draw_unknowns(panel: Panel, family: str, curve: Sequence[Setting]) -> None:
     error = np.array([setting.error for setting in solved])
     panel.line(n, error, **_marks(family), linewidth=1.2)
     if len(n) > 2 and error.max() > EXACT:
-        rate = np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0]
+        rate, _ = np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)
         look = {"color": COLOURS[family], "fontsize": 9}
         panel.note(f"N^{rate:.2f}", (n[-1], error[-1]), (7, 3), **look)
 
 
 def _draw_own_setting(time: Panel, unknowns: Panel, measured: Sequence[Setting]) -> None:
     """Draw a star at the setting of the study, white inside where another is better in both."""
-    setting = next(
-        (setting for setting in measured if setting.own and np.isfinite(setting.error)), None
-    )
-    if setting is None:
+    of_study = [setting for setting in measured if setting.own and np.isfinite(setting.error)]
+    if not of_study:
         return
+    setting = of_study[0]
     star = {"marker": "*", "markersize": 13, "markeredgecolor": style.INK, "linestyle": "none"}
     star["color"] = "white" if setting.dominated else GOLD
     dominated = " (dominated)" if setting.dominated else ""

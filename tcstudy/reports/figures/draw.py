@@ -189,7 +189,7 @@ def _body(
 
 
 RUN: dict[str, Callable[..., Drawn]] = {"map": _map, "x": _curves, "law": _law, "along": _profile}
-"""Pictures of a run other than a point, by the option that asks for them."""
+"""Pictures of a run other than a point, by the option that requests them."""
 KINDS: dict[Kind, Callable[..., Drawn]] = {
     "run": _body,
     "path": _path,

@@ -49,8 +49,8 @@ def panel_part(
     """
     places = None
     if state_places is not None:
-        x, y = state_places
-        places = [box.array(panel.x(x), "f4"), box.array(panel.y(y), "f4")]
+        x, y = panel.x(state_places[0]), panel.y(state_places[1])
+        places = [box.array(x, "f4"), box.array(y, "f4")]
     part: Json = {"part": "panel", "title": panel.title}
     part["labels"] = [panel.x.label, panel.y.label]
     part["log"] = list(panel.log)

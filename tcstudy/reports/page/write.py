@@ -225,8 +225,8 @@ def _motion_part(stored: Stored, data: Any, panel: Panel, box: Container) -> Jso
     has_prescribed_slip = any(name.startswith("u_") for name in str(data.attrs["loads"]).split())
     jumped = data["jumped"].values if "jumped" in data else None
     moves = paths.motion(data["u_T"].values, jumped)
-    rest = at_rest(stored.study) and not has_prescribed_slip
-    line = _line(data, slice(None), moves, rest, box)
+    is_at_rest = at_rest(stored.study) and not has_prescribed_slip
+    line = _line(data, slice(None), moves, is_at_rest, box)
     line["moves"] = list(paths.MOVES)
     steps = np.arange(data.sizes["step"])
     middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
@@ -253,16 +253,16 @@ def _energy_panels(data: Any) -> list[Panel]:
     return panels
 
 
-def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
-    """Return the contact line in the kept states.
+def _line(data: Any, selection: Any, state: Any, is_at_rest: bool, box: Container) -> Json:
+    """Return the contact line in the selected states.
 
     Values that are rounding beside the largest value of all states are 0.
     """
 
     def rows(variable: Any) -> Any:
-        return cleared(variable, SHARE * float(np.nanmax(np.abs(variable))))[kept]
+        return cleared(variable, SHARE * float(np.nanmax(np.abs(variable))))[selection]
 
-    line = line_along(data, rows, box) | {"rest": rest}
+    line = line_along(data, rows, box) | {"rest": is_at_rest}
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 

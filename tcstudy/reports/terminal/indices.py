@@ -110,9 +110,8 @@ def indices(file: Path, of: str) -> SobolIndices:
         estimates = dict(zip(ORDERS, saltelli_indices(f), strict=True))
     else:
         x = x[:, 0]
-        estimates = {
-            ORDERS[0]: first_order(x, f[:, 0], sample.is_named, balanced=sample.mode == SOBOL)
-        }
+        is_balanced = sample.mode == SOBOL
+        estimates = {ORDERS[0]: first_order(x, f[:, 0], sample.is_named, balanced=is_balanced)}
         notes += _correlation_notes(sample.names, sample.is_named, x)
     for order in estimates.values():
         notes += _reason_notes(sample.names, order)
@@ -123,16 +122,7 @@ def _read_sample(file: Path, of: str) -> Sample:
     """Read the sampled points of a file and one result; raise UsageError if it does not have it."""
     with reading(file), netCDF4.Dataset(file) as nc:
         parameters = {name: v for name, v in nc.variables.items() if "distribution" in v.ncattrs()}
-        results = [
-            name
-            for name, v in nc.variables.items()
-            if v.dimensions == ("point", "level") and v.dtype == "f8"
-        ]
-        if of not in results:
-            remedy = hint(of, results, f"choose of {', '.join(results)}")
-            is_there = of in nc.variables
-            lack = f"{of!r} is not one real number" if is_there else f"it has no number {of!r}"
-            raise UsageError(f"{file}: {lack} at its points; {remedy}")
+        _check_result(file, nc, of)
         level = nc.dimensions["level"].size - 1
         is_solved = nc["status"][:, level] == PointStatus.OK
         mode = nc.getncattr("design_mode")
@@ -156,6 +146,19 @@ def _read_sample(file: Path, of: str) -> Sample:
         )
 
 
+def _check_result(file: Path, nc: netCDF4.Dataset, of: str) -> None:
+    """Raise UsageError if a file does not have one real number of this name at its points."""
+    results = []
+    for name, variable in nc.variables.items():
+        if variable.dimensions == ("point", "level") and variable.dtype == "f8":
+            results.append(name)
+    if of in results:
+        return
+    lack = f"{of!r} is not one real number" if of in nc.variables else f"it has no number {of!r}"
+    remedy = hint(of, results, f"choose of {', '.join(results)}")
+    raise UsageError(f"{file}: {lack} at its points; {remedy}")
+
+
 def _numbered(values: Any) -> Any:
     """Return the values of a parameter, those of a choice by their numbers."""
     values = np.asarray(values)
@@ -177,10 +180,12 @@ def _gap_note(gap: tuple[float, float] | None, f: Array, of: str, unit: str) -> 
 
 def _correlation_notes(names: tuple[str, ...], is_named: tuple[bool, ...], x: Array) -> list[str]:
     """Return a sentence if two parameters of x (N, d) depend on each other more than by chance."""
-    columns = [i for i in range(len(names)) if not is_named[i] and np.ptp(x[:, i]) > 0.0]
+    varies = np.ptp(x, axis=0) > 0.0
+    columns = [i for i in range(len(names)) if varies[i] and not is_named[i]]
     if len(columns) < 2:
         return []
-    ranks = np.argsort(np.argsort(x[:, columns], axis=0, kind="stable"), axis=0, kind="stable")
+    order = np.argsort(x[:, columns], axis=0, kind="stable")
+    ranks = np.argsort(order, axis=0, kind="stable")
     correlation = np.asarray(np.corrcoef(ranks.T))
     upper = np.triu(np.abs(correlation), 1)
     i, j = np.unravel_index(int(np.argmax(upper)), upper.shape)
@@ -254,7 +259,9 @@ def jump(
         return None
     before = np.arange(k - 1, len(v) - k)  # the value before each gap
     gap = v[before + 1] - v[before]
-    stretch = np.maximum(v[before] - v[before - k + 1], v[before + k] - v[before + 1])
+    stretch_below = v[before] - v[before - k + 1]
+    stretch_above = v[before + k] - v[before + 1]
+    stretch = np.maximum(stretch_below, stretch_above)
     jumps = np.where(gap > stretch + 2.0 * resolution, gap, 0.0)
     best = int(np.argmax(jumps)) if len(jumps) else 0
     if not len(jumps) or jumps[best] <= ROUNDING * float(np.abs(v).max()):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -62,8 +62,8 @@ def folds_of(data: Any) -> NDArray[np.intp]:
     vertices = data["fold_vertex"].values.astype(np.intp)
     if "fold_size" not in data:
         return vertices
-    first, last = data.attrs["parameter_range"]
-    return vertices[data["fold_size"].values >= MIN_FOLD * abs(float(last - first))]
+    start, end = data.attrs["parameter_range"]
+    return vertices[data["fold_size"].values >= MIN_FOLD * abs(float(end - start))]
 
 
 NEAREST = 1e-9
@@ -163,8 +163,9 @@ def _snap_backs(data: Any, unit: Unit) -> str:
             steps.append(f"{unit.number(t[start])} → {unit.text(t[end])}")
     if not steps:
         return ""
-    more = len(steps) - MAX_SNAP_BACKS
-    names = steps[:MAX_SNAP_BACKS] + ([f"{more} more"] if more > 0 else [])
+    names = steps[:MAX_SNAP_BACKS]
+    if len(steps) > MAX_SNAP_BACKS:
+        names.append(f"{len(steps) - MAX_SNAP_BACKS} more")
     return f"snap-back {' and '.join(names)}"
 
 
@@ -172,22 +173,25 @@ Interval = tuple[float, float, int]
 """Values of the parameter between which there are so many equilibria."""
 
 
-def equilibria_by_interval(first: Array, last: Array, low: float, high: float) -> list[Interval]:
+def equilibria_by_interval(start: Array, end: Array, low: float, high: float) -> list[Interval]:
     """Return (from, to, number) of intervals of a range with the same number of equilibria.
 
-    first, last: (n,) the parameter at both ends of each segment
+    start, end: (n,) the parameter at both ends of each segment
     """
-    ends = np.unique(np.clip(np.concatenate([first, last, [low, high]]), low, high))
+    ends = np.concatenate([start, end, [low, high]])
+    ends = np.unique(np.clip(ends, low, high))
     are_apart = np.diff(ends) > NEAREST * (high - low)
     ends = ends[np.append(True, are_apart)]
     middle = 0.5 * (ends[1:] + ends[:-1])
-    begins, stops = np.sort(np.minimum(first, last)), np.sort(np.maximum(first, last))
-    counts = np.searchsorted(begins, middle) - np.searchsorted(stops, middle)
+    # a segment holds one equilibrium at every value between its lower and its upper end
+    begun = np.searchsorted(np.sort(np.minimum(start, end)), middle)
+    ended = np.searchsorted(np.sort(np.maximum(start, end)), middle)
+    counts = begun - ended
     intervals = list[Interval]()
-    for start, stop, count in zip(ends[:-1], ends[1:], counts, strict=True):
+    for left, right, count in zip(ends[:-1], ends[1:], counts, strict=True):
         if intervals and intervals[-1][2] == count:
-            start = intervals.pop()[0]
-        intervals.append((float(start), float(stop), int(count)))
+            left = intervals.pop()[0]
+        intervals.append((float(left), float(right), int(count)))
     return intervals
 
 
@@ -226,9 +230,8 @@ def _largest_number(intervals: Sequence[Interval], where: str, name: str, unit: 
     spans = [_interval(low, high, unit) for low, high, count in intervals if count == most]
     spans = list(dict.fromkeys(spans))
     places = " and ".join(spans[:MAX_INTERVALS])
-    more = len(spans) - MAX_INTERVALS
-    if more > 0:
-        places += f" and in {counted(more, 'more interval')}"
+    if len(spans) > MAX_INTERVALS:
+        places += f" and in {counted(len(spans) - MAX_INTERVALS, 'more interval')}"
     return f"up to {most} equilibria {where}, for {name} {places}"
 
 
@@ -284,25 +287,25 @@ def _branches_known(data: Any) -> tuple[str, ...]:
 
 def path_parts(data: Any, *_: Any) -> Iterator[Part]:
     """Yield the extent and ends of a path, its branches, its loop, the requested solutions."""
-    at = Unit.of_parameter(data).text
+    unit = Unit.of_parameter(data)
     yield Heading(str(data.attrs["title"]), 1)
-    lines = list(_path(data, at))
+    lines = [*_path(data, unit)]
     if "complete" in data:
-        lines += _branches(data, at)
+        lines += _branches(data, unit)
     if "energy_lost" in data:
-        lines.append(_loop(data, at))
+        lines.append(_loop(data, unit))
     yield "\n".join(lines)
     if data.sizes.get("at", 0):
-        yield _solutions(data, at)
+        yield _solutions(data, unit)
 
 
-def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
+def _path(data: Any, unit: Unit) -> Iterator[str]:
     """Yield where the path runs, how it was computed, and why it ends."""
-    first, last = data.attrs["parameter_range"]
+    start, end = data.attrs["parameter_range"]
     low, high = _range(data)
     t, vertices = data["parameter"].values, folds_of(data)
-    reach = at(t.min(), t.max())
-    yield f"  Path along {data.attrs['parameter']} from {at(first, last)}, reaching {reach}"
+    reach = unit.text(t.min(), t.max())
+    yield f"  Path along {data.attrs['parameter']} from {unit.text(start, end)}, reaching {reach}"
     yield f"  {_sizes(data)}; {_softening(data)}"
     lost_digits = digits_lost(float(data.get("lambda_1_error", 0.0)))
     if lost_digits:
@@ -318,8 +321,8 @@ def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
     law_error = float(data["law_error"])
     if law_error > 0.0:
         yield f"  the law is replaced by linear segments, relative error {number(law_error, 1)}"
-    yield f"  begins at {at(t[0])}: {data.attrs['begin_reason']}"
-    yield f"  ends at {at(t[-1])}: {data.attrs['end_reason']}"
+    yield f"  begins at {unit.text(t[0])}: {data.attrs['begin_reason']}"
+    yield f"  ends at {unit.text(t[-1])}: {data.attrs['end_reason']}"
 
 
 def _softening(data: Any) -> str:
@@ -336,7 +339,7 @@ def _sizes(data: Any) -> str:
     return f"level {int(data['level'])}: {dofs} dofs, {contact} contact DOFs"
 
 
-def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
+def _branches(data: Any, unit: Unit) -> Iterator[str]:
     """Yield what is known of all branches, the isolas, and the equilibria at requested values."""
     is_closed = data["branch_loop"].values.astype(bool)
     is_on_path = data["branch_on_path"].values.astype(bool)
@@ -356,12 +359,13 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
     t, branch = data["branch_parameter"].values, data["branch_of"].values
     for isola in np.flatnonzero(is_closed & ~is_on_path):
         t_isola = t[branch == isola]
-        yield f"  an isola from {at(t_isola.min(), t_isola.max())}, which the path does not meet"
+        ends = unit.text(t_isola.min(), t_isola.max())
+        yield f"  an isola from {ends}, which the path does not meet"
     if not is_polygon and data.sizes.get("at", 0):
-        yield from _totals(data, at)
+        yield from _totals(data, unit)
 
 
-def _totals(data: Any, at: Callable[..., str]) -> Iterator[str]:
+def _totals(data: Any, unit: Unit) -> Iterator[str]:
     """Yield the number of equilibria at each requested value, and how many are not on the path."""
     values, counts = data["at"].values, data["solution_count"].values
     is_complete = data["at_complete"].values
@@ -374,16 +378,17 @@ def _totals(data: Any, at: Callable[..., str]) -> Iterator[str]:
         words = sentences.equilibria(count, complete=complete)
         noun = "equilibrium" if count == 1 else "equilibria"
         beside = f", {off} of them not on the path from the start" if off else ""
-        yield f"  {words} {noun} at {at(value)}{beside}"
+        yield f"  {words} {noun} at {unit.text(value)}{beside}"
 
 
-def _solutions(data: Any, at: Callable[..., str]) -> Part:
+def _solutions(data: Any, unit: Unit) -> Part:
     """Return one row per solution at the requested values."""
     total = int(data.sizes.get("solution", 0))
     notes = list[str]()
     if total > MAX_ROWS:
         notes.append(f"… {total - MAX_ROWS} more solutions in the file")
-    missing = [at(value) for value in data["at"].values[data["solution_count"].values == 0]]
+    is_missing = data["solution_count"].values == 0
+    missing = [unit.text(value) for value in data["at"].values[is_missing]]
     if missing:
         notes.append(f"no solution on the path at {', '.join(missing)}")
     if not total:
@@ -413,7 +418,7 @@ def _yes_or_no(flags: Any) -> list[str]:
     return ["yes" if int(flag) else "no" for flag in flags.values]
 
 
-def _loop(data: Any, at: Callable[..., str]) -> str:
+def _loop(data: Any, unit: Unit) -> str:
     """Return the energy lost in the hysteresis loop, and its largest jump."""
     if not int(data["loop_complete"]):
         return f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
@@ -424,7 +429,7 @@ def _loop(data: Any, at: Callable[..., str]) -> str:
     largest = data.isel(jump=int(np.argmax(data["jump_drop"].values)))
     drop = with_unit(float(largest["jump_drop"]), units)
     direction = "rising" if int(largest["jump_rising"]) else "falling"
-    place = f"{at(float(largest['jump_parameter']))} ({direction})"
+    place = f"{unit.text(largest['jump_parameter'])} ({direction})"
     words += f" in {counted(jumps, 'jump')}, at most {drop} at {place}"
     return words if int(data["loop_closed"]) else f"{words}; it does not close"
 

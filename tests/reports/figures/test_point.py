@@ -159,7 +159,7 @@ def test_each_geometry_has_its_own_mesh(stored: Stored) -> None:
         read_picture(stored("pads"), {"height": 0.02, "u_x": u_x}) for u_x in (0.002, 0.001)
     )
     assert np.ptp(high.body.xy[:, 1]) == pytest.approx(0.02)
-    assert np.abs(high.line.u_T).max() == pytest.approx(float(high.at["u_T_max"]))
+    assert np.abs(high.line.u_T).max() == pytest.approx(float(high.values["u_T_max"]))
     assert np.abs(less.line.u_T).max() < np.abs(high.line.u_T).max()
 
 

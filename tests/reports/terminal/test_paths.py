@@ -5,6 +5,7 @@ import xarray as xr
 
 from tcstudy.data.reading import asked, load_root
 from tcstudy.reports.terminal.paths import (
+    Unit,
     _loop,
     equilibria_by_interval,
     folds_of,
@@ -107,8 +108,8 @@ def test_the_largest_jump_of_a_loop_is_named() -> None:
     data = xr.Dataset({name: ("jump", values) for name, values in jumps.items()})
     data = data.assign(energy_lost=((), 30.0, {"units": "J m-1"}), loop_complete=1, loop_closed=1)
     told = "hysteresis loop: 30 J m⁻¹ lost in 15 jumps, at most 2.5 J m⁻¹ at 2.5 (falling)"
-    assert _loop(data, str) == f"  {told}"
-    assert _loop(data.assign(loop_closed=0), str) == f"  {told}; it does not close"
+    assert _loop(data, Unit(1.0, "")) == f"  {told}"
+    assert _loop(data.assign(loop_closed=0), Unit(1.0, "")) == f"  {told}; it does not close"
 
 
 def test_energy_that_finite_steps_miss_is_said_where_it_counts(stored: Stored) -> None:
