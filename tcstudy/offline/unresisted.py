@@ -67,6 +67,15 @@ def judged(
     )
 
 
+def step_reason(words: str, reason: str) -> str:
+    """Return why a step of a history of a loose body has no equilibrium.
+
+    words: its motions;  reason: of the solver
+    """
+    fault = f"it can {words}, and no equilibrium was found in this step"
+    return f"{fault} ({reason.partition('; ')[0]}); {REMEDY}"
+
+
 def _reason(words: str, excess: float) -> str:
     """Return why there is no equilibrium. excess: load over the largest force of friction"""
     if not np.isfinite(excess) or excess > 1.0 / MAX_RESIDUAL:

@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.read.document import Node, split_path
+from tcstudy.read.document import LocatedFault, Node, split_path
 from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.step import KERNEL_UNIT, same_unit, stated_units, unit_name
 from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.keys import rows
 from tcstudy.scene.mesh_plan import Goal, MeshPlan
+from tcstudy.scene.path_plan import PathPlan
 from tcstudy.scene.records import (
     BODY,
     Body,
@@ -292,6 +293,25 @@ def supports_fault(
     if not has_friction and any(isinstance(role, Contact) for _, role in boundary):
         remedy = f"{remedy}, or give the contact a friction law that resists it"
     return f"{fault}: it can still {motions.words}", remedy
+
+
+def loose_faults(
+    motions: RigidMotions | None, mesh: MeshPlan, path: PathPlan | None
+) -> Iterator[LocatedFault]:
+    """Yield a fault for everything that needs λ₁ > 0, where contact alone restrains the body.
+
+    motions: those that the supports leave, None of a body from a file
+    """
+    if not motions:
+        return
+    reason = f"contact alone restrains the body, which can {motions.words}, so that lambda_1 is 0"
+    remedy = "leave it out, or restrain the body by supports or springs"
+    if mesh.goal.proved:
+        yield ("mesh", "of"), f"no bound is proved: {reason}", remedy
+    elif mesh.guarantee in ("bounds", "polygon"):
+        yield ("mesh", "guarantee"), f"nothing is proved of the body itself: {reason}", remedy
+    if path is not None and path.complete:
+        yield ("path", "complete"), f"branches cannot be proved to be all: {reason}", remedy
 
 
 def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:

@@ -6,7 +6,7 @@ combination of the values that touch it, so 10^4 points cost little more than th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,11 @@ from tcstudy.read.body import (
     check_finite,
     check_laws,
     check_shape,
+    loose_faults,
     read_body,
     supports_fault,
 )
-from tcstudy.read.document import Collector, Node, put, put_number, tree_of
+from tcstudy.read.document import Collector, LocatedFault, Node, put, put_number, tree_of
 from tcstudy.read.fields import Context, read_parameters, users, words_in
 from tcstudy.read.opening import corner_faults
 from tcstudy.read.physics import (
@@ -43,7 +44,9 @@ from tcstudy.read.physics import (
 )
 from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.keys import LAWS
+from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.parameters import Keys, Number, numbers, path_scene
+from tcstudy.scene.path_plan import PathPlan
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Boundary, Edge, Scene, is_clamped, resisting_edges, supports
 from tcstudy.scene.study import Study
@@ -298,6 +301,12 @@ class SceneReader:
             if fault is not None:
                 self.ctx.errors.point = point
                 self.ctx.at(node, *fault)
+
+    def loose_faults(self, mesh: MeshPlan, path: PathPlan | None) -> Iterator[LocatedFault]:
+        """Yield what a study asks for and a body that friction alone restrains does not have."""
+        for _, boundary, _ in self.supported.values():
+            if self.body is not None and not is_clamped(boundary):
+                yield from loose_faults(motions_of_body(self.body, boundary), mesh, path)
 
     def _contact_lines(self) -> dict[str, list[Edge]]:
         """Return the edges of an outline in contact, by name, and all by the name ""."""

@@ -157,6 +157,9 @@ def _one_body(
     history = read_history(ctx, reader, mesh) if reader.scenes and root.at("history") else None
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
         output = replace(output, sensitivity=read_sensitivity(ctx, node, reader, exact, history))
+    if mesh is not None and not ctx.errors.problems:
+        for keys, fault, remedy in reader.loose_faults(mesh, path):
+            ctx.at(root.nearest(*map(str, keys)), fault, remedy)
     fit = None
     if root.at("fit") and not ctx.errors.problems:
         fit = read_fit(ctx, reader, mesh, history)

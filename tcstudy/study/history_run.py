@@ -35,7 +35,12 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.history.memory import HistoryProblem, HistoryStep, MemoryModel
+from tcstudy.contact.history.memory import (
+    UNDETERMINED,
+    HistoryProblem,
+    HistoryStep,
+    MemoryModel,
+)
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
@@ -51,6 +56,7 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
+from tcstudy.offline.unresisted import step_reason
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.fit_plan import Sensitivity
 from tcstudy.scene.histories import AT_REST, HistoryPlan, Keys, UnfitLaw
@@ -290,7 +296,7 @@ def _follow(
             values = results.values(number, step, previous_v)
             if step.solved:
                 values |= next(derivatives, {})
-            last_step = step_record(study, point, number, values, step.reason)
+            last_step = step_record(study, point, number, values, results.reason(step))
             previous_v = step.v
             yield last_step
     except UserFault:
@@ -354,6 +360,13 @@ class _StepResults:
             scene = loaded_scene(self._scene, self._loads[number])
             values |= self._outputs.of(scene, step.v)
         return values
+
+    def reason(self, step: HistoryStep) -> str:
+        """Return why a step has no solution, with the motion of a body that contact alone holds."""
+        is_told = step.solved or step.reason == UNDETERMINED
+        if is_told or self._level.is_held(self._scene):
+            return step.reason
+        return step_reason(self._level.motions(self._scene).words, step.reason)
 
 
 def problem_of(

@@ -30,7 +30,7 @@ from tcstudy.fem.geometry import Geometry, build
 from tcstudy.laws.composed import bonded_edges
 from tcstudy.laws.pieces import DOWN
 from tcstudy.offline.level import motions_of_geometry
-from tcstudy.read.body import edge_names, mesh_faults, supports_fault
+from tcstudy.read.body import edge_names, loose_faults, mesh_faults, supports_fault
 from tcstudy.read.document import Collector, LocatedFault, located, tree_of
 from tcstudy.read.fields import names_needed
 from tcstudy.scene.guarantee import why_no_bound
@@ -43,6 +43,7 @@ from tcstudy.scene.records import (
     Material,
     Scene,
     exchanges,
+    is_clamped,
     resisting_edges,
     supports,
 )
@@ -50,7 +51,7 @@ from tcstudy.scene.study import Study
 from tcstudy.scene.units import BODY_FORCE, LENGTH, LINE_FORCE, TEMPERATURE, TRACTION
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
-from tcstudy.shapes.rigid_motions import BoundaryPiece, boundary_pieces
+from tcstudy.shapes.rigid_motions import BoundaryPiece, boundary_pieces, motions_of_body
 from tcstudy.study import opening_notes
 from tcstudy.study.given import Load, Measures, loaded_scenes, loads, walked_scenes
 from tcstudy.study.workers import expected_bytes
@@ -101,6 +102,7 @@ def _warnings(study: Study) -> Iterator[str]:
         yield from _off_their_edge(body, geometry)
         yield from _going_on_straight(study, geometry)
     yield from _pinned(study, geometry)
+    yield from _loose(study, geometry)
     yield from _unloaded(study)
     if study.mesh.bounds_errors:
         reasons = dict.fromkeys(filter(None, map(why_no_bound, study.scenes)))
@@ -138,6 +140,24 @@ def _pinned(study: Study, geometry: Geometry | None) -> Iterator[str]:
     yield (
         f"{count} {corners} constrained: u_N = 0 on both sides prevents slip there; "
         f"if short straight edges stand for a curve, {remedy}"
+    )
+
+
+def _loose(study: Study, geometry: Geometry | None) -> Iterator[str]:
+    """Yield a warning where contact alone restrains the body; a history has λ₁ = 0 in its file."""
+    scene = study.scenes[0]
+    if study.history is not None or is_clamped(scene.boundary):
+        return
+    motions = motions_of_body(scene.body, scene.boundary)
+    if geometry is not None:
+        motions = motions_of_geometry(geometry, scene.boundary)
+    if not motions:
+        return
+    yield note(
+        f"contact alone restrains the body: it can {motions.words} once that has failed",
+        "lambda_1 is 0: uniqueness and global minima are proved without softening only, and a load "
+        "that no equilibrium resists fails with this motion as the reason",
+        "pull by a displacement where the failure itself is wanted, or add supports or springs",
     )
 
 
@@ -690,6 +710,9 @@ def _of_supports(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
         fault = supports_fault(motions, boundary, has_friction=bool(resisting))
         if fault is not None:
             yield ("boundary",), *fault
+        elif not is_clamped(boundary):
+            motions = motions_of_geometry(geometry, boundary)
+            yield from loose_faults(motions, study.mesh, study.path)
 
 
 def _of_sizes(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
