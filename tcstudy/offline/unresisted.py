@@ -73,7 +73,7 @@ def step_reason(words: str, reason: str) -> str:
     words: its motions;  reason: of the solver
     """
     fault = f"it can {words}, and no equilibrium was found in this step"
-    return f"{fault} ({reason.partition('; ')[0]}); {REMEDY}"
+    return f"{fault} ({reason.partition(': ')[0]}); {REMEDY}"
 
 
 def _reason(words: str, excess: float) -> str:

@@ -309,7 +309,7 @@ def loose_faults(
     if mesh.goal.proved:
         yield ("mesh", "of"), f"no bound is proved: {reason}", remedy
     elif mesh.guarantee in ("bounds", "polygon"):
-        yield ("mesh", "guarantee"), f"nothing is proved of the body itself: {reason}", remedy
+        yield ("mesh", "guarantee"), f"the continuous problem has no certificate: {reason}", remedy
     if path is not None and path.complete:
         yield ("path", "complete"), f"branches cannot be proved to be all: {reason}", remedy
 
