@@ -41,6 +41,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.boxes import EPS, PolygonProblems
+from tcstudy.contact.graph_walk import (
+    GraphWalk,
+    LostWayError,
+    Sides,
+    SolutionCurve,
+    along,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -50,10 +57,6 @@ _EIGEN_ROUNDINGS = 64.0
 """Roundings of its norm, for each row of a matrix, by which computed eigenvalues may be wrong."""
 _MAX_STEPS = 40
 """Most steps of Newton's method before the walk from a point of the graph replaces it."""
-_MAX_PIVOTS = 6000
-"""Most changes of side along a curve."""
-_REFRESH = 25
-"""Changes of side after which the inverse is made anew."""
 _MAX_CURVE_ERROR = 1e-4
 """Largest error of a curve, relative to the shortest side of every node."""
 _SIGMA = (1.0, 0.3, 0.1, 3.0)
@@ -78,9 +81,21 @@ class GraphPart(NamedTuple):
 
     def meets(self, other: GraphPart) -> bool:
         """Return whether two parts share sides of every node; an empty one shares none."""
+        return not self.shared(other).is_empty
+
+    @property
+    def alone(self) -> GraphPart:
+        """The part as the only one of several."""
+        return GraphPart(self.first[None], self.last[None])
+
+    @property
+    def is_empty(self) -> bool:
+        return bool(np.any(self.first > self.last))
+
+    def shared(self, other: GraphPart) -> GraphPart:
+        """Return the sides that are in both parts."""
         first = np.maximum(self.first, other.first)
-        last = np.minimum(self.last, other.last)
-        return bool(np.all(first <= last))
+        return GraphPart(first, np.minimum(self.last, other.last))
 
     def joined(self, other: GraphPart) -> GraphPart:
         """Return the least part with both."""
@@ -117,6 +132,12 @@ class Found(NamedTuple):
     error: Array
     stable: bool
 
+    def may_be(self, other: Found) -> bool:
+        """Return whether the other one may be the same solution."""
+        distance = np.abs(self.v - other.v)
+        is_near = not np.any(distance > self.error + other.error)
+        return is_near and self.part.meets(other.part)
+
 
 class Decision(NamedTuple):
     """The solutions in a part, and the parts that are undecided."""
@@ -128,13 +149,24 @@ class Decision(NamedTuple):
 NONE = Decision([], [])
 
 
-class SolutionCurve(NamedTuple):
-    """Vertices of a curve: β (T,), v and ζ (T, m), and the sides between them (T − 1, m)."""
+class Hull(NamedTuple):
+    """Least and greatest v and ζ (m,)."""
 
-    beta: Array
-    v: Array
-    zeta: Array
-    sides: Index
+    v_low: Array
+    v_high: Array
+    zeta_low: Array
+    zeta_high: Array
+
+    def wider(self, error_v: Array, error_zeta: Array) -> Hull:
+        """Return the hull of points as far from these as errors (m,)."""
+        v_low, v_high = self.v_low - error_v, self.v_high + error_v
+        return Hull(v_low, v_high, self.zeta_low - error_zeta, self.zeta_high + error_zeta)
+
+    def joined(self, other: Hull) -> Hull:
+        """Return the hull of both."""
+        v_low, v_high = np.minimum(self.v_low, other.v_low), np.maximum(self.v_high, other.v_high)
+        zeta_low = np.minimum(self.zeta_low, other.zeta_low)
+        return Hull(v_low, v_high, zeta_low, np.maximum(self.zeta_high, other.zeta_high))
 
 
 class _Point(NamedTuple):
@@ -145,6 +177,12 @@ class _Point(NamedTuple):
     zeta: Array
     error_v: Array
     error_zeta: Array
+
+    @property
+    def hull(self) -> Hull:
+        """Where the solution may be."""
+        point = Hull(self.v, self.v, self.zeta, self.zeta)
+        return point.wider(self.error_v, self.error_zeta)
 
 
 class SoftDirection(NamedTuple):
@@ -176,6 +214,7 @@ class Parts:
             self.slope = np.where(self.run > 0.0, self.rise / self.run, jump)
         size = np.abs(self.run) * problems.diagonal[:, None] + np.abs(self.rise) * self.c[:, None]
         self.length = np.where(size > 0.0, size, 1.0)
+        self.sides = Sides(self.points, self.run, self.rise, self.length)
         self.root_c = np.sqrt(self.c)
         self.scaled_A = self.A / self.root_c[:, None] / self.root_c
         self.norm_of_A = float(np.abs(self.scaled_A).sum(axis=1).max())
@@ -263,23 +302,27 @@ class Parts:
 
     # -- at most one solution ----------------------------------------------------------------------
 
+    def gap_of(self, part: GraphPart) -> float:
+        """Return g of one part, not positive where it may have several solutions."""
+        return float(self.inertia(self.slopes(part.alone)).gap[0])
+
     def decide(self, part: GraphPart, gap: float) -> Decision:
         """Return the solution of a part with at most one, g > 0; none, or the part that is not
         decided."""
         point = self._solution(part, gap)
         if point is None:
             return Decision([], [part])
-        touched = self._touched(point)
+        touched = self._met(point.hull)
         if not touched.meets(part):
             return NONE
         for _ in range(_MAX_GROWTHS):
-            slopes = self.slopes(GraphPart(touched.first[None], touched.last[None]))
+            slopes = self.slopes(touched.alone)
             inertia = self.inertia(slopes)
             own_gap = float(inertia.gap[0])
             own = self._solution(touched, own_gap) if own_gap > 0.0 else None
             if own is None:
                 return Decision([], [touched])
-            again = self._touched(own)
+            again = self._met(own.hull)
             if not again.meets(touched):
                 return NONE
             larger = touched.joined(again)
@@ -296,87 +339,80 @@ class Parts:
         """Return a point of the graph near the solution of an extended part."""
         sides = self._newton(part)
         if sides is None:
-            curve = self.walk(self.A, part, np.zeros(self.m), (0.0, 0.0))
-            if curve is None:
+            try:
+                sides = self.walk(part, self.A, np.zeros((self.m, 0)), np.zeros(0)).sides
+            except LostWayError:
                 return None
-            sides = curve.sides[-1]
-        tau = self._shares(self.A, sides, self.load)
-        if tau is None:
+        shares = self._shares_of(sides)
+        if shares is None:
             return None
-        is_first, is_last = sides == part.first, sides == part.last
-        low = np.where(is_first, -np.inf, 0.0)
-        high = np.where(is_last, np.inf, 1.0)
-        tau = np.clip(tau, low, high)
-        v = self.points[self.node, sides, 0] + tau * self.run[self.node, sides]
-        zeta = self.points[self.node, sides, 1] + tau * self.rise[self.node, sides]
-        return self._with_errors(_Point(sides, v, zeta, v, v), gap)
+        low = np.where(sides == part.first, -np.inf, 0.0)
+        high = np.where(sides == part.last, np.inf, 1.0)
+        shares = np.clip(shares, low, high)
+        return self._with_errors(sides, shares, gap)
 
-    def _with_errors(self, point: _Point, gap: float) -> _Point:
-        """Return a point with how far the solution may be, in v and ζ."""
-        residual = np.abs(self.load - self.A @ point.v - self.c * point.zeta)
-        sizes = np.abs(point.v), np.abs(point.zeta), np.abs(self.load)
-        residual += self.problems.rounding(*sizes)
+    def _with_errors(self, sides: Index, shares: Array, gap: float) -> _Point:
+        """Return a point of the graph with how far the solution may be, in v and ζ."""
+        v, zeta, residual = self._balance(sides, shares)
+        sizes = np.abs(v), np.abs(zeta), np.abs(self.load)
+        residual = np.abs(residual) + self.problems.rounding(*sizes)
         error_v = np.sqrt(np.sum(residual**2 / self.c)) / gap / self.root_c
-        error_v += 8.0 * EPS * np.abs(point.v)
+        error_v += 8.0 * EPS * np.abs(v)
         error_zeta = (residual + self.problems.size_of_A @ error_v) / self.c
-        error_zeta += 8.0 * EPS * np.abs(point.zeta)
-        return point._replace(error_v=error_v, error_zeta=error_zeta)
+        error_zeta += 8.0 * EPS * np.abs(zeta)
+        return _Point(sides, v, zeta, error_v, error_zeta)
+
+    def _balance(self, sides: Index, shares: Array) -> tuple[Array, Array, Array]:
+        """Return v, ζ at shares of sides, and the residual l − Av − Cζ."""
+        start = self.points[self.node, sides]
+        v = start[:, 0] + shares * self.run[self.node, sides]
+        zeta = start[:, 1] + shares * self.rise[self.node, sides]
+        return v, zeta, self.load - self.A @ v - self.c * zeta
 
     def _newton(self, part: GraphPart) -> Index | None:
         """Return the cell of an extended part in which steps of Newton's method end."""
         sides = (part.first + part.last) // 2
         for _ in range(_MAX_STEPS):
-            tau = self._shares(self.A, sides, self.load)
-            if tau is None:
+            shares = self._shares_of(sides)
+            if shares is None:
                 return None
-            rises = (tau > 1.0) & (sides < part.last)
-            falls = (tau < 0.0) & (sides > part.first)
+            rises = (shares > 1.0) & (sides < part.last)
+            falls = (shares < 0.0) & (sides > part.first)
             if not np.any(rises | falls):
                 return sides
             sides = sides + rises - falls
         return None
 
-    def _shares(self, A: Array, sides: Index, load: Array) -> Array | None:
+    def _shares_of(self, sides: Index) -> Array | None:
         """Return the shares (m,) of sides at which the balance holds."""
         start = self.points[self.node, sides]
-        M = A * self.run[self.node, sides]
+        M = self.A * self.run[self.node, sides]
         M[self.node, self.node] += self.c * self.rise[self.node, sides]
         try:
-            tau = np.linalg.solve(M, load - A @ start[:, 0] - self.c * start[:, 1])
+            shares = np.linalg.solve(M, self.load - self.A @ start[:, 0] - self.c * start[:, 1])
         except np.linalg.LinAlgError:
             return None
-        return tau if np.isfinite(tau).all() else None
+        return shares if np.isfinite(shares).all() else None
 
-    def _touched(self, point: _Point) -> GraphPart:
-        """Return the sides that the solution may be on."""
-        return self._met(
-            point.v - point.error_v,
-            point.v + point.error_v,
-            point.zeta - point.error_zeta,
-            point.zeta + point.error_zeta,
-        )
-
-    def _met(self, v_low: Array, v_high: Array, zeta_low: Array, zeta_high: Array) -> GraphPart:
-        """Return the first and last sides that meet rectangles (m,), empty if none does."""
-        v, zeta = self.points[..., 0], self.points[..., 1]
+    def _met(self, hull: Hull) -> GraphPart:
+        """Return the first and last sides that meet rectangles, empty if none does."""
+        ends_v, ends_zeta = self.points[..., 0], self.points[..., 1]
+        is_side = np.arange(self.run.shape[1]) < self.side_counts[:, None]
+        meets = is_side & _overlap(ends_v, hull.v_low, hull.v_high)
+        meets &= _overlap(ends_zeta, hull.zeta_low, hull.zeta_high)
+        meets &= self._on_line(hull)
         side = np.arange(self.run.shape[1])
-        meets = (v[:, :-1] <= v_high[:, None]) & (v[:, 1:] >= v_low[:, None])
-        meets &= np.minimum(zeta[:, :-1], zeta[:, 1:]) <= zeta_high[:, None]
-        meets &= np.maximum(zeta[:, :-1], zeta[:, 1:]) >= zeta_low[:, None]
-        meets &= side < self.side_counts[:, None]
-        # nor is a rectangle beside the line of a side
-        to_v = 0.5 * (v_low + v_high)[:, None] - v[:, :-1]
-        to_zeta = 0.5 * (zeta_low + zeta_high)[:, None] - zeta[:, :-1]
-        size_v = np.maximum(np.abs(v_low), np.abs(v_high))[:, None] + np.abs(v[:, :-1])
-        size_zeta = np.maximum(np.abs(zeta_low), np.abs(zeta_high))[:, None]
-        size_zeta = size_zeta + np.abs(zeta[:, :-1])
-        half_v = 0.5 * (v_high - v_low)[:, None] + 8.0 * EPS * size_v
-        half_zeta = 0.5 * (zeta_high - zeta_low)[:, None] + 8.0 * EPS * size_zeta
-        reach = np.abs(self.rise) * half_v + np.abs(self.run) * half_zeta
-        meets &= np.abs(to_v * self.rise - to_zeta * self.run) <= reach
         first = np.where(meets, side, len(side)).min(axis=1)
         last = np.where(meets, side, -1).max(axis=1)
         return GraphPart(first, last)
+
+    def _on_line(self, hull: Hull) -> Flags:
+        """Return (m, S) whether rectangles meet the lines on which the sides are."""
+        start = self.points[:, :-1]
+        to_v, half_v = _from(start[..., 0], hull.v_low, hull.v_high)
+        to_zeta, half_zeta = _from(start[..., 1], hull.zeta_low, hull.zeta_high)
+        reach = np.abs(self.rise) * half_v + np.abs(self.run) * half_zeta
+        return np.asarray(np.abs(to_v * self.rise - to_zeta * self.run) <= reach)
 
     def _is_inside(self, point: _Point, part: GraphPart) -> bool:
         """Return whether the solution of an extended part is not on what goes on beyond its ends.
@@ -404,44 +440,29 @@ class Parts:
         ends: (2, m) least and greatest v of the box
         """
         N, sigma = soft.N, soft.sigma
-        terms = N * ends
-        reach = sigma * np.array([terms.min(axis=0).sum(), terms.max(axis=0).sum()])
-        room = 1e-9 * float(np.abs(terms).sum()) * sigma
         A = self.A + sigma * np.outer(N, N)
-        curve = self.walk(A, part, N, (float(reach[0]) - room, float(reach[1]) + room))
-        if curve is None:
+        least, greatest = amplitudes(N, ends)
+        try:
+            walk = self.walk(part, A, N[:, None], np.array([sigma * least]))
+            walk.go(along(0, sigma * greatest), record=True)
+        except LostWayError:
             return None
-        v, zeta, beta = curve.v, curve.zeta, curve.beta
-        residual = np.abs(self.load + beta[:, None] * N - v @ A - self.c * zeta).max(axis=0)
-        largest_v = np.abs(v).max(axis=0)
-        pull = np.abs(beta).max() + sigma * float(np.abs(N) @ largest_v)
-        load = np.abs(self.load) + pull * np.abs(N)
-        noise = self.problems.rounding(largest_v, np.abs(zeta).max(axis=0), load)
-        residual = residual + noise
-        error = float(np.sqrt(np.sum(residual**2 / self.c))) / soft.gap
-        if not error <= self.max_error:
+        curve = walk.curve
+        errors = self.curve_errors(soft, curve, N[:, None])
+        if not errors.of_curve <= self.max_error:
             return None
-        error_v = error / self.root_c + 8.0 * EPS * largest_v
-        error_zeta = (residual + np.abs(A) @ error_v) / self.c
-        error_zeta += 8.0 * EPS * np.abs(zeta).max(axis=0)
-        G = beta - sigma * (v @ N)
-        error_G = sigma * error * float(np.linalg.norm(N / self.root_c))
-        error_G += 4.0 * (self.m + 8) * EPS * pull
+        beta = curve.x[:, 0]
+        G = beta - sigma * (curve.v @ N)
+        error_G = sigma * errors.of_curve * float(np.linalg.norm(N / self.root_c))
+        sizes = np.abs(beta).max() + sigma * float(np.abs(N) @ np.abs(curve.v).max(axis=0))
+        error_G += 4.0 * (self.m + 8) * EPS * sizes
         solutions = list[Found]()
         undecided = list[GraphPart]()
-        for low_v, high_v, low_zeta, high_zeta in _crossings(curve, G, error_G):
-            if np.any(high_v < ends[0] - error_v) or np.any(low_v > ends[1] + error_v):
+        for hull in _crossings(curve, G, error_G):
+            touched = self._touched_by(hull, errors, ends).shared(part)
+            if touched.is_empty:
                 continue
-            touched = self._met(
-                low_v - error_v, high_v + error_v, low_zeta - error_zeta, high_zeta + error_zeta
-            )
-            touched = GraphPart(
-                np.maximum(touched.first, part.first), np.minimum(touched.last, part.last)
-            )
-            if np.any(touched.first > touched.last):
-                continue
-            slopes = self.slopes(GraphPart(touched.first[None], touched.last[None]))
-            gap = float(self.inertia(slopes).gap[0])
+            gap = self.gap_of(touched)
             if gap > 0.0:
                 decision = self.decide(touched, gap)
                 solutions += decision.solutions
@@ -452,170 +473,104 @@ class Parts:
                 return None
         return Decision(solutions, undecided)
 
-    def walk(
-        self,
-        A: Array,
-        part: GraphPart,
-        N: Array,
-        betas: tuple[float, float],
-        load: Array | None = None,
-    ) -> SolutionCurve | None:
-        """Return the curve of Av + Cζ = l + βN over a part, β from the first to the second value.
+    def walk(self, part: GraphPart, A: Array, columns: Array, x: Array) -> GraphWalk:
+        """Return a walk in a part that begins with the load l + columns x.
 
-        It begins at a point of the graph, from which the load is changed to that of the problem.
-        None if it does not arrive. A is such that all cells of the part are regular, and alike.
+        All cells of the part are regular with A, and alike. Raises LostWayError.
         """
-        node = self.node
-        load = self.load if load is None else load
-        sides = (part.first + part.last) // 2
-        share = 0.3 + 0.4 * np.mod(0.618033988749895 * (node + 1), 1.0)  # no two nodes alike
-        tau = share * self.length[node, sides]
-        start = self.points[node, sides]
-        v = start[:, 0] + share * self.run[node, sides]
-        zeta = start[:, 1] + share * self.rise[node, sides]
-        missing = load + betas[0] * N - A @ v - self.c * zeta
-        Y = self._inverse(A, sides)
-        if Y is None:
-            return None
-        at = [np.array(betas[0])]
-        vs: list[Array] = []
-        zetas: list[Array] = []
-        cells: list[Index] = []
-        pivots = 0
-        stages = ((missing, 1.0), (N, betas[1] - betas[0]))
-        for stage, (rhs, length) in enumerate(stages):
-            done = 0.0
-            if stage:
-                vs.append(v)
-                zetas.append(zeta)
-            while True:
-                rate = Y @ rhs
-                size = self.length[node, sides]
-                can_rise = (rate > 0.0) & (sides < part.last)
-                can_fall = (rate < 0.0) & (sides > part.first)
-                with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                    to_end = np.where(can_rise, (size - tau) / rate, np.inf)
-                    to_end = np.where(can_fall, -tau / rate, to_end)
-                to_end = np.maximum(to_end, 0.0)
-                turning = int(np.argmin(to_end))
-                step = min(float(to_end[turning]), length - done)
-                is_end = float(to_end[turning]) >= length - done
-                tau = tau + step * rate
-                if not is_end:
-                    tau[turning] = size[turning] if rate[turning] > 0.0 else 0.0
-                start = self.points[node, sides]
-                # on the graph: rounding of tau is part of the residual
-                no_less = np.where(sides == part.first, -np.inf, 0.0)
-                no_more = np.where(sides == part.last, np.inf, 1.0)
-                part_done = np.clip(tau / size, no_less, no_more)
-                v = start[:, 0] + part_done * self.run[node, sides]
-                zeta = start[:, 1] + part_done * self.rise[node, sides]
-                done = length if is_end else done + step
-                if not is_end:
-                    corner = sides[turning] + int(rate[turning] > 0.0)
-                    v[turning], zeta[turning] = self.points[turning, corner]
-                if stage:
-                    at.append(np.array(betas[0] + done))
-                    vs.append(v)
-                    zetas.append(zeta)
-                    cells.append(sides)
-                if is_end:
-                    break
-                pivots += 1
-                if pivots > _MAX_PIVOTS:
-                    return None
-                sides = sides.copy()
-                is_up = rate[turning] > 0.0
-                sides[turning] += 1 if is_up else -1
-                tau[turning] = 0.0 if is_up else self.length[turning, sides[turning]]
-                if pivots % _REFRESH:
-                    Y = self._exchanged(Y, A, turning, int(sides[turning]))
-                else:
-                    Y = self._inverse(A, sides)
-                    now = load + betas[0] * N + (done * N if stage else (done - 1.0) * missing)
-                    tau = self._moved(Y, A, sides, now, tau, turning)
-                if Y is None:
-                    return None
-        return SolutionCurve(np.array(at), np.array(vs), np.array(zetas), np.array(cells))
+        ends = (part.first, part.last)
+        return GraphWalk(self.sides, A, self.c, ends, self.load, columns, x)
 
-    def _columns(self, A: Array, sides: Index) -> Array:
-        size = self.length[self.node, sides]
-        M = A * (self.run[self.node, sides] / size)
-        M[self.node, self.node] += self.c * self.rise[self.node, sides] / size
-        return np.asarray(M)
+    def curve_errors(
+        self, soft: SoftDirection, curve: SolutionCurve, columns: Array
+    ) -> CurveErrors:
+        """Return how far a curve may be from the solutions of (A + σNNᵀ)v + Cζ = l + columns x."""
+        v, zeta = curve.v, curve.zeta
+        largest_v, largest_zeta = np.abs(v).max(axis=0), np.abs(zeta).max(axis=0)
+        size_of_N, sigma = np.abs(soft.N), abs(soft.sigma)
+        pull = sigma * float(size_of_N @ largest_v)
+        load = np.abs(self.load) + np.abs(columns) @ np.abs(curve.x).max(axis=0) + pull * size_of_N
+        A = self.A + soft.sigma * np.outer(soft.N, soft.N)
+        residual = np.abs(self.load + curve.x @ columns.T - v @ A - self.c * zeta).max(axis=0)
+        residual += self.problems.rounding(largest_v, largest_zeta, load)
+        error = float(np.sqrt(np.sum(residual**2 / self.c))) / soft.gap
+        error_v = error / self.root_c + 8.0 * EPS * largest_v
+        error_zeta = (residual + np.abs(A) @ error_v) / self.c + 8.0 * EPS * largest_zeta
+        return CurveErrors(error, error_v, error_zeta)
 
-    def _inverse(self, A: Array, sides: Index) -> Array | None:
-        try:
-            Y: Array = np.asarray(np.linalg.inv(self._columns(A, sides)), dtype=float)
-        except np.linalg.LinAlgError:
-            return None
-        return Y if np.isfinite(Y).all() else None
-
-    def _exchanged(self, Y: Array, A: Array, node: int, side: int) -> Array | None:
-        """Return the inverse after the column of a node has changed to that of another side."""
-        size = self.length[node, side]
-        column = A[:, node] * (self.run[node, side] / size)
-        column[node] += self.c[node] * self.rise[node, side] / size
-        x = Y @ column
-        pivot = x[node]
-        if pivot == 0.0 or not np.isfinite(pivot):
-            return None
-        row = Y[node] / pivot
-        Y = Y - x[:, None] * row
-        Y[node] = row
-        return Y
-
-    def _moved(
-        self, Y: Array | None, A: Array, sides: Index, load: Array, tau: Array, turning: int
-    ) -> Array:
-        """Return the places on sides for a load, the node that turns where it is."""
-        if Y is None:
-            return tau
-        start = self.points[self.node, sides]
-        fresh = Y @ (load - A @ start[:, 0] - self.c * start[:, 1])
-        fresh[turning] = tau[turning]
-        return np.asarray(fresh)
+    def _touched_by(self, hull: Hull, errors: CurveErrors, ends: Array) -> GraphPart:
+        """Return the sides that solutions near a piece of curve touch, none outside the box."""
+        wide = hull.wider(errors.of_v, errors.of_zeta)
+        if np.any(wide.v_high < ends[0]) or np.any(wide.v_low > ends[1]):
+            return GraphPart(np.ones(self.m, dtype=np.intp), np.zeros(self.m, dtype=np.intp))
+        return self._met(wide)
 
 
-def _crossings(
-    curve: SolutionCurve, G: Array, error: float
-) -> list[tuple[Array, Array, Array, Array]]:
-    """Return the hulls (least, greatest v, least, greatest ζ) of intervals with |G| ≤ error."""
-    begin, end = G[:-1], G[1:]
-    change = end - begin
-    near = (np.minimum(begin, end) <= error) & (np.maximum(begin, end) >= -error)
-    hulls = list[tuple[Array, Array, Array, Array]]()
+class CurveErrors(NamedTuple):
+    """Errors of all points of a curve: in the norm of C, of v and of ζ (m,)."""
+
+    of_curve: float
+    of_v: Array
+    of_zeta: Array
+
+
+def _overlap(ends: Array, low: Array, high: Array) -> Flags:
+    """Return (m, S) whether sides between ends (m, S + 1) meet intervals (m,)."""
+    least = np.minimum(ends[:, :-1], ends[:, 1:])
+    greatest = np.maximum(ends[:, :-1], ends[:, 1:])
+    return np.asarray((least <= high[:, None]) & (greatest >= low[:, None]))
+
+
+def _from(start: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the ways (m, S) from where sides start to the middle of intervals (m,), and half their
+    lengths, widened by what rounding may do."""
+    size = np.maximum(np.abs(low), np.abs(high))[:, None] + np.abs(start)
+    half = 0.5 * (high - low)[:, None] + 8.0 * EPS * size
+    return 0.5 * (low + high)[:, None] - start, half
+
+
+def amplitudes(N: Array, ends: Array) -> tuple[float, float]:
+    """Return a little less and more than Nᵀv is in a box with v from ends[0] to ends[1]."""
+    terms = N * ends
+    room = 1e-9 * float(np.abs(terms).sum())
+    return float(terms.min(axis=0).sum()) - room, float(terms.max(axis=0).sum()) + room
+
+
+def _crossings(curve: SolutionCurve, G: Array, error: float) -> list[Hull]:
+    """Return the hulls of the pieces of curve with |G| ≤ error."""
+    is_near = np.minimum(G[:-1], G[1:]) <= error
+    is_near &= np.maximum(G[:-1], G[1:]) >= -error
+    hulls = list[Hull]()
     last_end = (-1, 1.0)
-    for edge in np.flatnonzero(near).tolist():
-        if change[edge] == 0.0:
-            shares = (0.0, 1.0)
-        else:
-            to_low = (-error - begin[edge]) / change[edge]
-            to_high = (error - begin[edge]) / change[edge]
-            width = 1e-12 * (abs(to_low) + abs(to_high))
-            shares = (
-                max(0.0, min(to_low, to_high) - width),
-                min(1.0, max(to_low, to_high) + width),
-            )
-        v = [curve.v[edge] + x * (curve.v[edge + 1] - curve.v[edge]) for x in shares]
-        zeta = [curve.zeta[edge] + x * (curve.zeta[edge + 1] - curve.zeta[edge]) for x in shares]
-        hull = (
-            np.minimum(*v) - 4.0 * EPS * np.abs(v).max(axis=0),
-            np.maximum(*v) + 4.0 * EPS * np.abs(v).max(axis=0),
-            np.minimum(*zeta) - 4.0 * EPS * np.abs(zeta).max(axis=0),
-            np.maximum(*zeta) + 4.0 * EPS * np.abs(zeta).max(axis=0),
-        )
-        if hulls and last_end == (edge - 1, 1.0) and shares[0] == 0.0:
-            old = hulls.pop()
-            hull = (
-                np.minimum(old[0], hull[0]),
-                np.maximum(old[1], hull[1]),
-                np.minimum(old[2], hull[2]),
-                np.maximum(old[3], hull[3]),
-            )
+    for edge in np.flatnonzero(is_near).tolist():
+        begin, end = _shares(float(G[edge]), float(G[edge + 1]), error)
+        hull = _hull(curve, edge, begin, end)
+        if hulls and last_end == (edge - 1, 1.0) and begin == 0.0:
+            hull = hulls.pop().joined(hull)
         hulls.append(hull)
-        last_end = (edge, shares[1])
+        last_end = (edge, end)
     return hulls
+
+
+def _shares(G_begin: float, G_end: float, error: float) -> tuple[float, float]:
+    """Return from which share of an edge to which |G| ≤ error."""
+    change = G_end - G_begin
+    if change == 0.0:
+        return 0.0, 1.0
+    to_low, to_high = (-error - G_begin) / change, (error - G_begin) / change
+    room = 1e-12 * (abs(to_low) + abs(to_high))
+    return max(0.0, min(to_low, to_high) - room), min(1.0, max(to_low, to_high) + room)
+
+
+def _hull(curve: SolutionCurve, edge: int, begin: float, end: float) -> Hull:
+    """Return the hull of an edge of a curve between two shares of it."""
+    bounds = list[Array]()
+    for vertices in (curve.v, curve.zeta):
+        chord = vertices[edge + 1] - vertices[edge]
+        points = np.stack([vertices[edge] + share * chord for share in (begin, end)])
+        room = 4.0 * EPS * np.abs(points).max(axis=0)
+        bounds += [points.min(axis=0) - room, points.max(axis=0) + room]
+    return Hull(*bounds)
 
 
 def distinct_solutions(parts: Parts, solutions: list[Found]) -> tuple[list[Found], list[GraphPart]]:
@@ -626,21 +581,14 @@ def distinct_solutions(parts: Parts, solutions: list[Found]) -> tuple[list[Found
     distinct = list[Found]()
     doubtful = list[GraphPart]()
     for solution in solutions:
-        is_new = True
-        for known in distinct:
-            if not known.part.meets(solution.part):
-                continue
-            if np.any(np.abs(known.v - solution.v) > known.error + solution.error):
-                continue
-            union = known.part.joined(solution.part)
-            slopes = parts.slopes(GraphPart(union.first[None], union.last[None]))
-            is_same = known.part.holds(solution.part) or solution.part.holds(known.part)
-            if not is_same and not parts.inertia(slopes).gap[0] > 0.0:
-                doubtful.append(union)
-            is_new = False
-            break
-        if is_new:
+        known = next((one for one in distinct if one.may_be(solution)), None)
+        if known is None:
             distinct.append(solution)
+            continue
+        is_same = known.part.holds(solution.part) or solution.part.holds(known.part)
+        union = known.part.joined(solution.part)
+        if not is_same and not parts.gap_of(union) > 0.0:
+            doubtful.append(union)
     return distinct, doubtful
 
 
@@ -650,14 +598,14 @@ def distinct_parts(undecided: list[GraphPart], solutions: list[Found]) -> list[G
     for part in undecided:
         if any(known.part.holds(part) for known in solutions):
             continue
-        own = part
-        others = list[GraphPart]()
+        union = part
+        apart = list[GraphPart]()
         for other in distinct:
-            if other.meets(own):
-                own = own.joined(other)
+            if other.meets(union):
+                union = union.joined(other)
             else:
-                others.append(other)
-        distinct = [*others, own]
+                apart.append(other)
+        distinct = [*apart, union]
     return distinct
 
 
@@ -672,7 +620,7 @@ def ties(parts: Parts, cells: Index, known: list[Found]) -> tuple[list[Found], l
         if any(solution.part.has(cell) for solution in solutions):
             continue
         part = GraphPart(cell, cell)
-        gap = float(parts.inertia(parts.slopes(GraphPart(cell[None], cell[None]))).gap[0])
+        gap = parts.gap_of(part)
         decision = parts.decide(part, gap) if gap > 0.0 else Decision([], [part])
         solutions += decision.solutions
         undecided += decision.undecided

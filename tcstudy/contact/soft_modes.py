@@ -44,6 +44,7 @@ from tcstudy.contact.curves import (
     distinct_parts,
     distinct_solutions,
 )
+from tcstudy.contact.graph_walk import LostWayError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -406,13 +407,15 @@ class ModeSearch:
         bounds = np.full((2, self.m), np.inf)
         for sign, v in ((1.0, v_low), (-1.0, v_high)):
             points, counts = self._monotone(box, sign)
-            parts = Parts(problems.with_matrix(Z, problems.size_of_A).with_points(points, counts))
-            whole = GraphPart(np.zeros(self.m, dtype=np.intp), counts - 1)
             pull = sign * (load - problems.plus @ v) + problems.noise
-            curve = parts.walk(Z, whole, np.zeros(self.m), (0.0, 0.0), pull)
-            if curve is None:
+            others = problems.with_matrix(Z, problems.size_of_A).with_points(points, counts)
+            others.load = pull[None]
+            whole = GraphPart(np.zeros(self.m, dtype=np.intp), counts - 1)
+            try:
+                walk = Parts(others).walk(whole, Z, np.zeros((self.m, 0)), np.zeros(0))
+            except LostWayError:
                 continue
-            w, zeta = curve.v[-1], curve.zeta[-1]
+            w, zeta = walk.v, walk.zeta
             missing = np.abs(pull - Z @ w - problems.c * zeta)
             missing += problems.noise + problems.rounding(np.abs(w), np.abs(zeta), np.abs(pull))
             bounds[int(sign < 0.0)] = w + 1.01 * np.max(missing / Zx) * x
