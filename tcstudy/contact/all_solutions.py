@@ -21,7 +21,9 @@ The search of boxes is in contact/boxes.py.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,9 +124,9 @@ def of_rows(
     lambda_1 = lambda_1 or rows.body.lambda_1
     laws = polygon_laws(rows, law_error, lambda_1)
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
-    cells, by_modes = _searched(problems, limits)
+    cells, by_modes = searched(problems, limits, _by_modes)
     load_of_cell = loads[cells.problem]
-    segments = problems.segments(cells.problem, cells.sides, load_of_cell, problems.change)
+    segments = problems.segments(cells.problem, cells.sides, load_of_cell, np.zeros(problems.m))
     is_undecided = ~segments.has_segment & ~segments.is_empty
     is_exponential = np.any(rows.law.bent, axis=-1)
     has_exponential = is_exponential[rows.law.index].any(-1)
@@ -169,11 +171,32 @@ def of_rows(
     return equilibria
 
 
-def _searched(problems: PolygonProblems, limits: Limits) -> tuple[Cells, dict[int, ModeAnswer]]:
+class Answered(Protocol):
+    """What a search by modes says of itself."""
+
+    @property
+    def boxes(self) -> int:
+        """Number of its boxes."""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a limit ended it."""
+
+
+AnswerT = TypeVar("AnswerT", bound=Answered)
+
+
+def searched(
+    problems: PolygonProblems,
+    limits: Limits,
+    by_modes_of: Callable[[PolygonProblems, list[int], Limits], dict[int, AnswerT]],
+) -> tuple[Cells, dict[int, AnswerT]]:
     """Return the cells of all problems, and what the search by modes found of some.
 
     A problem of many boxes is searched by its soft modes. If limits stop that, the first search
     goes on. Where it does not, its cells are left out.
+
+    by_modes_of: searches the named problems that have soft modes by these
     """
     first_boxes = max(MIN_FIRST_BOXES, int(FIRST_WORK / problems.m**3))
     if limits.boxes <= first_boxes:
@@ -183,25 +206,26 @@ def _searched(problems: PolygonProblems, limits: Limits) -> tuple[Cells, dict[in
     if not np.any(has_too_many):
         return cells, {}
     share = Limits(int(MODE_SHARE * limits.boxes), MODE_SHARE * limits.seconds)
-    by_modes = dict[int, ModeAnswer]()
-    for row in np.flatnonzero(has_too_many).tolist():
-        by_mode = ModeSearch(problems.single(row))
-        if by_mode.has_modes:
-            by_modes[row] = by_mode.search(share)
+    by_modes = by_modes_of(problems, np.flatnonzero(has_too_many).tolist(), share)
     is_answered = np.zeros(len(cells.boxes), dtype=bool)
     is_answered[[row for row, answer in by_modes.items() if not answer.stopped]] = True
     is_open = ~is_answered[cells.problem]
     cells = cells._replace(problem=cells.problem[is_open], sides=cells.sides[is_open])
     assert cells.waiting is not None
-    left = cells.waiting.take(~is_answered[cells.waiting.problem])
-    boxes = cells.boxes - np.bincount(
-        cells.waiting.problem[is_answered[cells.waiting.problem]], minlength=len(cells.boxes)
-    )
-    cells = cells._replace(boxes=boxes, stopped=cells.stopped & ~is_answered, waiting=left)
+    is_left = ~is_answered[cells.waiting.problem]
+    dropped = np.bincount(cells.waiting.problem[~is_left], minlength=len(cells.boxes))
+    left = cells.waiting.take(is_left)
+    stopped = cells.stopped & ~is_answered
+    cells = cells._replace(boxes=cells.boxes - dropped, stopped=stopped, waiting=left)
     if len(left.low):
         seconds = (1.0 - MODE_SHARE) * limits.seconds if by_modes else limits.seconds
         cells = problems.search(replace(limits, seconds=seconds), cells)
     return cells, by_modes
+
+
+def _by_modes(problems: PolygonProblems, rows: list[int], limits: Limits) -> dict[int, ModeAnswer]:
+    searches = {row: ModeSearch(problems.single(row)) for row in rows}
+    return {row: search.search(limits) for row, search in searches.items() if search.has_modes}
 
 
 def _settled(

@@ -141,6 +141,50 @@ class Strips(NamedTuple):
         return Strips._make(column[rows] for column in self)
 
 
+class Enclosure(NamedTuple):
+    """Bounds of v and ζ of all solutions in n boxes: centre + along x + bends δ ± room.
+
+    centre, room: of v and of ζ, (n, m) each;  along: (n, m, k) each;  bends: (n, m, B) each
+    radius:       (n, k) of |x|;  bend_radius: (n, B) of |δ|
+
+    Room is infinite where nothing is proved.
+    """
+
+    centre: list[Array]
+    along: list[Array]
+    bends: list[Array]
+    room: list[Array]
+    radius: Array
+    bend_radius: Array
+
+    def bent(self, axis: int) -> Array:
+        """Return (n, m) what bends and room add on both sides, without x."""
+        rounding = 1.0 + 8.0 * (self.bends[axis].shape[-1] + 1) * EPS
+        with np.errstate(invalid="ignore"):
+            bends = product(np.abs(self.bends[axis]), self.bend_radius)
+            return np.asarray(bends * rounding + self.room[axis])
+
+    def reach(self, axis: int) -> Array:
+        """Return (n, m) the distance of the bounds from the centre."""
+        rounding = 1.0 + 8.0 * (self.along[axis].shape[-1] + 1) * EPS
+        with np.errstate(invalid="ignore"):
+            along = product(np.abs(self.along[axis]), self.radius)
+            return np.asarray(along * rounding + self.bent(axis))
+
+    def between(self, low: Array, high: Array) -> Enclosure:
+        """Return the bounds for x from low to high (n, k), which is within the radius."""
+        middle = 0.5 * (low + high)
+        radius = 0.5 * (high - low) * (1.0 + 8.0 * EPS) + 4.0 * EPS * np.abs(middle)
+        centre, room = [], []
+        for axis in (0, 1):
+            move = product(self.along[axis], middle)
+            size = np.abs(self.centre[axis])
+            size = size + product(np.abs(self.along[axis]), np.abs(middle) + radius)
+            centre.append(self.centre[axis] + move)
+            room.append(self.room[axis] + 8.0 * (middle.shape[-1] + 4) * EPS * size)
+        return self._replace(centre=centre, room=room, radius=radius)
+
+
 class Cells(NamedTuple):
     """Cells in which a search ends.
 
@@ -214,7 +258,7 @@ def inverse_of(M: Array, size: Callable[[Array], Array], scale: Array) -> tuple[
     residual[:, diagonal, diagonal] -= 1.0
     with np.errstate(invalid="ignore", over="ignore"):
         magnitudes = size(1.0 / scale)
-        largest_error = _product(np.abs(Y), magnitudes).max(-1)
+        largest_error = product(np.abs(Y), magnitudes).max(-1)
         rho = np.abs(residual, out=residual).sum(-1).max(-1)
         rho += 2.0 * (m + 4) * EPS * largest_error
         proved_share = rho / (1.0 - np.minimum(rho, MAX_INVERSE_ERROR))
@@ -222,7 +266,7 @@ def inverse_of(M: Array, size: Callable[[Array], Array], scale: Array) -> tuple[
     return np.asarray(Y), share
 
 
-def _product(M: Array, x: Array) -> Array:
+def product(M: Array, x: Array) -> Array:
     """Return the products (n, k) of matrices (n, k, m) and vectors (n, m)."""
     return np.asarray((M @ x[..., None])[..., 0])
 
@@ -240,7 +284,7 @@ class PolygonProblems:
     laws:   piecewise linear, of one problem or of all (index of the shape (), (m,), (R, 1) or
             (R, m), R = 1 or P)
     load:   (P, m) l̃ [N/m]
-    change: (m,) load per s, None for none
+    change: (m,) or (P, m) load per s, None for none
 
     points: (G, m, V, 2) vertices (s, b) of the polygons of the G kinds of problem
     side_counts: (G, m) number of sides of each polygon
@@ -260,7 +304,7 @@ class PolygonProblems:
         self.c = c
         self.m = len(c)
         self.load = load
-        self.change = np.zeros(len(c)) if change is None else change
+        self.change = np.broadcast_to(0.0 if change is None else change, load.shape)
         self.diagonal = np.diagonal(A).copy()
         self.size_of_A = np.abs(A)
         off_diagonal = A - np.diag(self.diagonal)
@@ -282,7 +326,7 @@ class PolygonProblems:
         v, zeta = self.points[..., 0], self.points[..., 1]
         self.Y = self.diagonal[:, None] * v + c[:, None] * zeta
         largest = np.abs(self.points).max((0, 2))
-        largest_load = np.abs(load).max(0)
+        largest_load = (np.abs(load) + np.abs(self.change)).max(0)
         self.noise = self.rounding(largest[..., 0], largest[..., 1], largest_load)
         sides = (v[..., :-1], np.diff(v), self.Y[..., :-1], np.diff(self.Y))
         self._sides = [np.ascontiguousarray(column).reshape(-1) for column in sides]
@@ -291,16 +335,24 @@ class PolygonProblems:
 
     def single(self, row: int) -> PolygonProblems:
         """Return one of the problems."""
-        one = copy(self)
-        one.load = self.load[row : row + 1]
-        one.kind = np.zeros(1, dtype=np.intp)
-        if len(self.points) > 1:
-            kind = self.kind[[row]]
-            one.points = self.points[kind]
-            one.side_counts = self.side_counts[kind]
-            one.Y = self.Y[kind]
-            one.first_side = self.first_side[kind]
-        return one
+        others = self.with_loads(self.load[[row]], self.change[[row]])
+        others.kind = np.zeros(1, dtype=np.intp)
+        one = np.array([row])
+        others.points = self.rows_of(self.points, one)
+        others.side_counts = self.rows_of(self.side_counts, one)
+        others.Y = self.rows_of(self.Y, one)
+        others.first_side = self.rows_of(self.first_side, one)
+        return others
+
+    def with_loads(self, load: Array, change: Array) -> PolygonProblems:
+        """Return problems with other loads and loads per s (P, m), all with the first polygons.
+
+        The loads must be within those of these problems.
+        """
+        others = copy(self)
+        others.load = load
+        others.change = change
+        return others
 
     def with_matrix(self, A: Array, size: Array) -> PolygonProblems:
         """Return problems with another matrix, and magnitudes that it is made of, for strips."""
@@ -329,7 +381,7 @@ class PolygonProblems:
 
         v, zeta, load: sizes of slips, tractions and loads (…, m)
         """
-        size = v @ self.size_of_A + self.c * zeta + load + np.abs(self.change)
+        size = v @ self.size_of_A + self.c * zeta + load
         return np.asarray(4.0 * (self.m + 8) * EPS * size)
 
     def rows_of(self, table: NDArray[Any], problem: Index) -> NDArray[Any]:
@@ -352,7 +404,7 @@ class PolygonProblems:
 
         The bounds of a step move only along the side they are on.
         """
-        margin = self.noise + np.abs(self.change)
+        margin = self.noise + np.abs(self.change[box.problem])
         load_low = self.load[box.problem] - margin
         load_high = self.load[box.problem] + margin
         a, b = box.low.copy(), box.high.copy()
@@ -455,6 +507,21 @@ class PolygonProblems:
         high = np.minimum(end + self.slack, box.high)
         return Boxes(box.problem, low, high)
 
+    def hulls(self, box: Boxes) -> list[tuple[Array, Array]]:
+        """Return the least and greatest v, and ζ, of the parts of the polygons (n, m) each."""
+        points = self.rows_of(self.points, box.problem)
+        is_inside = self._vertex > box.low[..., None]
+        is_inside &= self._vertex < box.high[..., None]
+        begin, end = self.points_at(box.problem, box.low), self.points_at(box.problem, box.high)
+        hulls = []
+        for axis in (0, 1):
+            ends = np.stack([begin[..., axis], end[..., axis]])
+            inner = points[..., axis]
+            least = np.where(is_inside, inner, np.inf).min(axis=-1)
+            greatest = np.where(is_inside, inner, -np.inf).max(axis=-1)
+            hulls.append((np.minimum(ends.min(0), least), np.maximum(ends.max(0), greatest)))
+        return hulls
+
     def strips(self, box: Boxes) -> Strips:
         """Return the parts of the polygons in the boxes about their chords."""
         points = self.rows_of(self.points, box.problem)
@@ -500,54 +567,68 @@ class PolygonProblems:
         return M, lambda w: (size_v * w) @ self.size_of_A + self.c * size_zeta * w, scale
 
     def strip_step(self, box: Boxes, strip: Strips) -> Boxes:
-        """Return boxes made smaller by v_i, ζ_i ∈ centre_i ± reach_i, where an inverse proves that.
+        """Return boxes made smaller by the bounds of v and ζ, where an inverse proves them."""
+        per_s = self.change[box.problem][..., None]
+        enclosure = self.enclosure(strip, self.load[box.problem], per_s, np.ones((len(per_s), 1)))
+        return self.clipped(box, self.conditions(box, enclosure))
 
-        The shares of the chords are τ ± error − Σ YK δ, |δ| ≤ radius, of bends of nodes and of s in
-        the last column.
+    def enclosure(self, strip: Strips, load: Array, columns: Array, radius: Array) -> Enclosure:
+        """Return affine bounds of all solutions in n boxes, where an inverse proves them.
+
+        The shares of the chords are τ = Y(l̃ + L x − …) − Σ YK δ, |δ| ≤ radius, of bends of nodes.
+
+        load: (n, m) l̃;  columns: (n, m, k) L, the load per x;  radius: (n, k) of |x|
         """
         M, products, scale = self.matrix(strip.D)
         Y, share = inverse_of(M, products, scale)
-        load = self.load[box.problem]
         middle = strip.p + strip.W * strip.middle[..., None]
-        rhs = load - middle[..., 0] @ self.A - self.c * middle[..., 1]
-        tau = _product(Y, rhs)
-        node, YK, radius = self._bends(strip, Y)
+        tau = product(Y, load - middle[..., 0] @ self.A - self.c * middle[..., 1])
+        node, YK, bend_radius = self._bends(strip, Y)
+        YL = Y @ columns
 
         far_from_chord = (np.abs(strip.middle) + strip.radius)[..., None]
         largest = np.abs(strip.p) + np.abs(strip.D) + strip.W * far_from_chord
-        noise = self.rounding(largest[..., 0], largest[..., 1], np.abs(load))
-        error = _product(np.abs(Y), noise)
+        size_of_load = np.abs(load) + product(np.abs(columns), radius)
         with np.errstate(invalid="ignore", over="ignore"):
-            bends = _product(np.abs(YK), radius)
-            terms = np.abs(tau) + bends + error
+            noise = self.rounding(largest[..., 0], largest[..., 1], size_of_load)
+            error = product(np.abs(Y), noise)
+            terms = np.abs(tau) + product(np.abs(YK), bend_radius) + error
+            terms += product(np.abs(YL), radius)
             error += share[:, None] * terms.max(-1, keepdims=True)
-        is_proved = np.isfinite(share) & np.isfinite(tau).all(-1)
+        is_proved = np.isfinite(share) & np.isfinite(tau).all(-1) & np.isfinite(error).all(-1)
+        for values in (tau, YK, YL):
+            values[~is_proved] = 0.0
+        error = np.where(is_proved[:, None], error, np.inf) / scale
+        tau, YK, YL = tau / scale, YK / scale[..., None], YL / scale[..., None]
 
-        tau, error, YK = tau / scale, error / scale, YK / scale[..., None]
-        points = self.rows_of(self.points, box.problem)
-        bend_count = node.shape[1]
-        row = np.arange(len(YK))[:, None]
-        bend = np.arange(bend_count)
-        rounding = 1.0 + 8.0 * (bend_count + 1) * EPS
-        conditions = []
+        row, bend = np.arange(len(YK))[:, None], np.arange(node.shape[1])
+        centre, along, bends, room = [], [], [], []
         for axis in (0, 1):
             d = strip.D[..., axis]
-            centre_of_strip = middle[..., axis]
-            centre = centre_of_strip + d * tau
             X = -d[..., None] * YK
             X[row, node, bend] += np.take_along_axis(strip.W[..., axis], node, -1)
+            centre.append(middle[..., axis] + d * tau)
+            along.append(d[..., None] * YL)
+            bends.append(X)
             with np.errstate(invalid="ignore"):
-                reach = _product(np.abs(X), radius) * rounding
-                size = np.abs(centre) + np.abs(centre_of_strip)
-                reach += np.abs(d) * error + 4.0 * EPS * size
-            is_known = is_proved[:, None] & np.isfinite(centre) & np.isfinite(reach)
+                size = np.abs(centre[axis]) + np.abs(middle[..., axis])
+                room.append(np.abs(d) * error + 4.0 * EPS * size)
+        return Enclosure(centre, along, bends, room, radius, bend_radius)
+
+    def conditions(self, box: Boxes, enclosure: Enclosure) -> list[Condition]:
+        """Return the bounds of v and ζ of an enclosure."""
+        points = self.rows_of(self.points, box.problem)
+        conditions = []
+        for axis in (0, 1):
+            centre, reach = enclosure.centre[axis], enclosure.reach(axis)
+            is_known = np.isfinite(centre) & np.isfinite(reach)
             low = np.where(is_known, centre - reach, -np.inf)
             high = np.where(is_known, centre + reach, np.inf)
             conditions.append(Condition(points[..., axis], low, high))
-        return self.clipped(box, conditions)
+        return conditions
 
     def _bends(self, strip: Strips, Y: Array) -> tuple[Index, Array, Array]:
-        """Return nodes that bend (n, B), and YK and radius of these and of s (n, …, B + 1).
+        """Return nodes that bend (n, B), and YK (n, m, B) and radius (n, B) of these.
 
         Boxes with fewer bends are padded.
         """
@@ -561,8 +642,6 @@ class PolygonProblems:
         if np.any(by_zeta < 1.0):
             by_slip = (1.0 - by_zeta)[:, None, :]
             YK += (Y @ self.A[:, node].transpose(1, 0, 2)) * by_slip
-        YK = np.append(YK, (Y @ self.change)[..., None], axis=-1)
-        radius = np.append(radius, np.ones((len(radius), 1)), axis=-1)
         return node, YK, radius
 
     def reduced(self, box: Boxes) -> Boxes:
@@ -697,10 +776,11 @@ class PolygonProblems:
         Y, share = inverse_of(B, products, scale)
         r = (load - start[..., 0] @ self.A - self.c * start[..., 1]) / unit
         largest = np.abs(start) + np.abs(chord)
-        error = self.rounding(largest[..., 0], largest[..., 1], np.abs(load)) / unit
-        alpha = _product(Y[..., :m], r)
+        size_of_load = np.abs(load) + size_per_s
+        error = self.rounding(largest[..., 0], largest[..., 1], size_of_load) / unit
+        alpha = product(Y[..., :m], r)
         gamma = Y[..., m]
-        noise = _product(np.abs(Y[..., :m]), error)
+        noise = product(np.abs(Y[..., :m]), error)
         length = np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
         terms = np.abs(alpha) + noise + length * np.abs(gamma)
         is_proved = np.isfinite(share)

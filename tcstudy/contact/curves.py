@@ -242,7 +242,7 @@ class Parts:
             high = np.where(is_inside, np.maximum(high, slope), high)
         return SlopeRange(low, high, np.isposinf(low) | np.isneginf(high))
 
-    def _hessians(self, q: Array, pinned: Flags) -> tuple[Array, Flags, Array]:
+    def hessians(self, q: Array, pinned: Flags) -> tuple[Array, Flags, Array]:
         """Return H(q) (n, m, m), the nodes that are left (n, m), and norms (n,).
 
         Nodes that are struck out have a row of the identity, by twice the norm.
@@ -259,7 +259,7 @@ class Parts:
         eigenvalues = []
         margins = []
         for q in (slopes.low, slopes.high):
-            H, is_free, norm = self._hessians(q, slopes.pinned)
+            H, is_free, norm = self.hessians(q, slopes.pinned)
             if soft is not None:
                 n = np.where(is_free, soft.N / self.root_c, 0.0)
                 H += soft.sigma * n[:, :, None] * n[:, None, :]
@@ -285,7 +285,7 @@ class Parts:
         """
         if np.any(np.isneginf(slopes.low) & ~slopes.pinned):
             return None
-        H, is_free, _ = self._hessians(slopes.low, slopes.pinned)
+        H, is_free, _ = self.hessians(slopes.low, slopes.pinned)
         eigenvalues, vectors = np.linalg.eigh(H[0])
         negative = int(np.count_nonzero(eigenvalues < 0.0))
         if not negative:

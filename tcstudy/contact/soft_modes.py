@@ -21,6 +21,7 @@ Nothing is lost: every step is implied for solutions, and halves share their mid
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -30,10 +31,11 @@ from tcstudy.contact.boxes import (
     EPS,
     Boxes,
     Condition,
+    Enclosure,
     Limits,
     PolygonProblems,
     Strips,
-    inverse_of,
+    product,
 )
 from tcstudy.contact.curves import (
     Decision,
@@ -65,16 +67,24 @@ _SWEEPS = 3
 
 
 class ModeBoxes(NamedTuple):
-    """n boxes: places from and to (n, m), amplitudes from and to (n, k)."""
+    """n boxes: places from and to (n, m), coordinates x from and to (n, k).
+
+    The coordinates are amplitudes of the modes, and s last where the load varies.
+    """
 
     low: Array
     high: Array
-    a_low: Array
-    a_high: Array
+    x_low: Array
+    x_high: Array
 
     def take(self, rows: Flags | Index | slice) -> ModeBoxes:
         """Return the named boxes."""
         return ModeBoxes._make(column[rows] for column in self)
+
+    def put(self, rows: Flags, boxes: ModeBoxes) -> None:
+        """Replace the named boxes."""
+        for column, values in zip(self, boxes, strict=True):
+            column[rows] = values
 
     @property
     def places(self) -> Boxes:
@@ -84,7 +94,7 @@ class ModeBoxes(NamedTuple):
     def alive(self) -> Flags:
         """(n,) boxes that are not empty."""
         has_places = (self.low <= self.high).all(axis=-1)
-        return np.asarray(has_places & (self.a_low <= self.a_high).all(axis=-1))
+        return np.asarray(has_places & (self.x_low <= self.x_high).all(axis=-1))
 
 
 class ModeAnswer(NamedTuple):
@@ -101,29 +111,40 @@ class ModeAnswer(NamedTuple):
 
 
 class ModeSearch:
-    """The search for all solutions of one problem (`PolygonProblems.single`)."""
+    """The search for all solutions of one problem (`PolygonProblems.single`).
+
+    N: (m, k) the modes;  columns: (m, k) σN, the load by each coordinate, and l̃₁ by s where the
+       load varies
+    """
 
     def __init__(self, problems: PolygonProblems) -> None:
         self.problems = problems
         self.parts = Parts(problems)
         self.m = problems.m
-        whole = GraphPart(np.zeros((1, self.m), dtype=np.intp), self.parts.side_counts[None] - 1)
-        q = self.parts.slopes(whole).low[0]
-        self.N = np.zeros((self.m, 0))
-        self.sigma = 0.0
-        if np.isfinite(q).all():
-            eigenvalues, vectors = np.linalg.eigh(self.parts.scaled_A + np.diag(q))
-            count = int(np.count_nonzero(eigenvalues < 0.0))
-            if 0 < 2 * count <= self.m:
-                lowest = -float(eigenvalues[0])
-                following = float(eigenvalues[count]) if count < self.m else 0.0
-                self.sigma = lowest + max(lowest, following)
-                self.N = vectors[:, :count] * self.parts.root_c[:, None]
+        self.N, self.sigma = self._modes()
+        self.change = problems.change[0]
+        self.has_s = bool(np.any(self.change))
+        self.columns = self.sigma * self.N
+        if self.has_s:
+            self.columns = np.column_stack([self.columns, self.change])
         size_of_N = np.abs(self.N)
         self.stiff = problems.with_matrix(
             problems.A + self.sigma * self.N @ self.N.T,
             problems.size_of_A + self.sigma * size_of_N @ size_of_N.T,
         )
+
+    def _modes(self) -> tuple[Array, float]:
+        """Return the soft modes (m, k) and σ, k = 0 where they are no use."""
+        whole = GraphPart(np.zeros(self.m, dtype=np.intp), self.parts.side_counts - 1)
+        q = self.parts.slopes(whole.alone).low[0]
+        if np.isfinite(q).all():
+            eigenvalues, vectors = np.linalg.eigh(self.parts.scaled_A + np.diag(q))
+            count = int(np.count_nonzero(eigenvalues < 0.0))
+            if 0 < 2 * count <= self.m:
+                lowest, following = -float(eigenvalues[0]), float(eigenvalues[count])
+                sigma = lowest + max(lowest, following)
+                return vectors[:, :count] * self.parts.root_c[:, None], sigma
+        return np.zeros((self.m, 0)), 0.0
 
     @property
     def has_modes(self) -> bool:
@@ -132,35 +153,43 @@ class ModeSearch:
 
     def search(self, limits: Limits) -> ModeAnswer:
         """Return all solutions, depth first, within limits."""
-        began = time.perf_counter()
-        start = self._start()
-        root_width = float(np.max(start.a_high - start.a_low, initial=0.0))
-        waiting = [start]
-        boxes = 0
         solutions = list[Found]()
         undecided = list[GraphPart]()
+
+        def decided(box: ModeBoxes) -> Flags:
+            is_decided, decisions = self._decided(box)
+            for decision in decisions:
+                solutions.extend(decision.solutions)
+                undecided.extend(decision.undecided)
+            return is_decided
+
+        boxes, stopped = self.split(decided, limits)
+        distinct, doubtful = distinct_solutions(self.parts, solutions)
+        open_parts = distinct_parts([*undecided, *doubtful], distinct)
+        return ModeAnswer(distinct, open_parts, boxes, stopped)
+
+    def split(self, decided: Callable[[ModeBoxes], Flags], limits: Limits) -> tuple[int, bool]:
+        """Make boxes smaller and split them until all are decided, depth first, within limits.
+
+        Return the number of boxes, and whether a limit ended the search.
+
+        decided: returns (n,) which boxes need not be split
+        """
+        began = time.perf_counter()
+        start = self._start()
+        root_width = self._root_width(start)
+        waiting = [start]
+        boxes = 0
         while waiting:
             batch = _stacked(waiting[-_BATCH:])
             del waiting[-_BATCH:]
             boxes += len(batch.low)
             if boxes > limits.boxes or time.perf_counter() - began > limits.seconds:
-                return self._answer(solutions, undecided, boxes, True)
+                return boxes, True
             batch = self._reduced(batch)
-            if not len(batch.low):
-                continue
-            is_decided, decisions = self._decided(batch)
-            for decision in decisions:
-                solutions += decision.solutions
-                undecided += decision.undecided
-            waiting += self._halves(batch.take(~is_decided), root_width)
-        return self._answer(solutions, undecided, boxes, False)
-
-    def _answer(
-        self, solutions: list[Found], undecided: list[GraphPart], boxes: int, stopped: bool
-    ) -> ModeAnswer:
-        distinct, doubtful = distinct_solutions(self.parts, solutions)
-        open_parts = distinct_parts([*undecided, *doubtful], distinct)
-        return ModeAnswer(distinct, open_parts, boxes, stopped)
+            if len(batch.low):
+                waiting += self._halves(batch.take(~decided(batch)), root_width)
+        return boxes, False
 
     # -- steps -------------------------------------------------------------------------------------
 
@@ -169,18 +198,37 @@ class ModeSearch:
         places = self.problems.whole()
         for _ in range(2):
             places = self._enveloped(places)
-        a_low, a_high = self._amplitudes(places)
-        return ModeBoxes(places.low, places.high, a_low, a_high)
+        x_low, x_high = self._amplitudes(places)
+        if self.has_s:
+            x_low, x_high = np.append(x_low, [[-1.0]], 1), np.append(x_high, [[1.0]], 1)
+        return ModeBoxes(places.low, places.high, x_low, x_high)
+
+    def _root_width(self, start: ModeBoxes) -> Array:
+        """Return (k,) the widths with which those of boxes are compared: one of all amplitudes."""
+        width = (start.x_high - start.x_low)[0]
+        count = self.N.shape[1]
+        width[:count] = np.max(width[:count], initial=0.0)
+        return np.asarray(width)
 
     def _amplitudes(self, box: Boxes) -> tuple[Array, Array]:
         """Return bounds (n, k) of Nᵀv in boxes."""
         v_low = self.problems.points_at(box.problem, box.low)[..., 0]
         v_high = self.problems.points_at(box.problem, box.high)[..., 0]
         up, down = np.maximum(self.N, 0.0), np.minimum(self.N, 0.0)
-        room = (
-            4.0 * (self.m + 2) * EPS * (np.maximum(np.abs(v_low), np.abs(v_high)) @ np.abs(self.N))
-        )
+        size = np.maximum(np.abs(v_low), np.abs(v_high)) @ np.abs(self.N)
+        room = 4.0 * (self.m + 2) * EPS * size
         return v_low @ up + v_high @ down - room, v_high @ up + v_low @ down + room
+
+    def _loaded(self, box: ModeBoxes) -> tuple[PolygonProblems, Boxes]:
+        """Return the problems of boxes, each with the loads between its own ends of s."""
+        if not self.has_s:
+            return self.problems, box.places
+        s_low, s_high = box.x_low[:, -1:], box.x_high[:, -1:]
+        room = 4.0 * EPS * (np.abs(s_low) + np.abs(s_high))
+        load = self.problems.load + 0.5 * (s_low + s_high) * self.change
+        change = (0.5 * np.abs(s_high - s_low) + room) * self.change
+        places = Boxes(np.arange(len(box.low)), box.low, box.high)
+        return self.problems.with_loads(load, change), places
 
     def _reduced(self, box: ModeBoxes) -> ModeBoxes:
         """Return boxes made smaller until that pays no more, without the empty ones."""
@@ -189,8 +237,9 @@ class ModeSearch:
             if not len(box.low):
                 break
             old_size = box.places.size
-            old_width = (box.a_high - box.a_low).sum(axis=-1)
-            places = self.problems.row_steps(box.places, _ROW_TURNS)
+            old_width = (box.x_high - box.x_low).sum(axis=-1)
+            problems, places = self._loaded(box)
+            places = problems.row_steps(places, _ROW_TURNS)
             box = box._replace(low=places.low, high=places.high)
             alive = box.alive
             box, old_size, old_width = box.take(alive), old_size[alive], old_width[alive]
@@ -198,11 +247,9 @@ class ModeSearch:
             straight = strips.straight
             bent = ~straight
             if bent.any():
-                smaller = self._bent_step(box.take(bent), strips.take(bent))
-                for column, values in zip(box, smaller, strict=True):
-                    column[bent] = values
+                box.put(bent, self._bent_step(box.take(bent), strips.take(bent)))
             alive = box.alive
-            width = (box.a_high - box.a_low).sum(axis=-1)
+            width = (box.x_high - box.x_low).sum(axis=-1)
             is_done = box.places.size > _MAX_LEFT * old_size
             is_done &= width >= _MAX_LEFT * old_width
             is_done |= straight
@@ -212,126 +259,67 @@ class ModeSearch:
 
     def _bent_step(self, box: ModeBoxes, strips: Strips) -> ModeBoxes:
         """Return boxes after the strip step, and the mode step where there are modes."""
-        places = self.problems.strip_step(box.places, strips)
-        if not self.has_modes:
-            return box._replace(low=places.low, high=places.high)
-        alive = places.alive
-        a_low, a_high = box.a_low.copy(), box.a_high.copy()
-        new = ModeBoxes(places.low, places.high, a_low, a_high)
-        if not alive.any():
+        problems, places = self._loaded(box)
+        places = problems.strip_step(places, strips)
+        new = ModeBoxes(places.low, places.high, box.x_low.copy(), box.x_high.copy())
+        alive = new.alive
+        if not (self.has_modes and alive.any()):
             return new
-        inner = places.take(alive)
-        least, greatest = self._amplitudes(inner)
-        part = ModeBoxes(
-            inner.low,
-            inner.high,
-            np.maximum(a_low[alive], least),
-            np.minimum(a_high[alive], greatest),
-        )
-        stepped = self._mode_step(part)
-        for column, values in zip(new, stepped, strict=True):
-            column[alive] = values
+        inner = new.take(alive)
+        least, greatest = self._amplitudes(inner.places)
+        count = self.N.shape[1]
+        inner.x_low[:, :count] = np.maximum(inner.x_low[:, :count], least)
+        inner.x_high[:, :count] = np.minimum(inner.x_high[:, :count], greatest)
+        new.put(alive, self._mode_step(inner))
         return new
 
     def _mode_step(self, box: ModeBoxes) -> ModeBoxes:
-        """Return boxes and amplitudes made smaller with the stiffened matrix, where an inverse
-        proves that.
-
-        τ = τ₀ + YN δa − YK δ, |δ| ≤ radius, so that (I − NᵀD_v YN) δa = Nᵀv₀ − a₀ + NᵀX δ.
-        """
-        stiff = self.stiff
-        strips = stiff.strips(box.places)
-        M, products, scale = stiff.matrix(strips.D)
-        Y, share = inverse_of(M, products, scale)
-        a_0 = 0.5 * (box.a_low + box.a_high)
-        radius_a = 0.5 * (box.a_high - box.a_low) * (1.0 + 4.0 * EPS) + 2.0 * EPS * np.abs(a_0)
-        load = self.problems.load[0]
-        middle = strips.p + strips.W * strips.middle[..., None]
-        pull = self.sigma * (a_0 @ self.N.T)
-        tau = _times(Y, load + pull - middle[..., 0] @ stiff.A - stiff.c * middle[..., 1])
-        K = stiff.A * strips.W[:, None, :, 0]
-        node = np.arange(self.m)
-        K[:, node, node] += stiff.c * strips.W[..., 1]
-        YK = Y @ K
-        YN = self.sigma * (Y @ self.N)
-        radius = strips.radius
-        far = (np.abs(strips.middle) + radius)[..., None]
-        largest = np.abs(strips.p) + np.abs(strips.D) + strips.W * far
-        size_of_N = np.abs(self.N)
-        largest_a = np.abs(a_0) + radius_a
-        size_of_load = np.abs(load) + self.sigma * (largest_a @ size_of_N.T)
-        with np.errstate(invalid="ignore", over="ignore"):
-            noise = stiff.rounding(largest[..., 0], largest[..., 1], size_of_load)
-            error = _times(np.abs(Y), noise)
-            terms = np.abs(tau) + _times(np.abs(YK), radius) + _times(np.abs(YN), radius_a) + error
-            error += share[:, None] * terms.max(axis=-1, keepdims=True)
-        is_proved = np.isfinite(share) & np.isfinite(error).all(-1) & np.isfinite(tau).all(-1)
-        is_proved &= np.isfinite(radius).all(-1)
-        if not is_proved.any():
-            return box
-        if not is_proved.all():
-            part = self._mode_step(box.take(is_proved))
-            for column, values in zip(box, part, strict=True):
-                column[is_proved] = values
-            return box
-        tau, error = tau / scale, error / scale
-        YK, YN = YK / scale[..., None], YN / scale[..., None]
-
-        # amplitudes
-        D_v = strips.D[..., 0]
-        X = -D_v[..., None] * YK
-        X[:, node, node] += strips.W[..., 0]
-        v = middle[..., 0] + D_v * tau
-        S = np.eye(self.N.shape[1]) - self.N.T @ (D_v[..., None] * YN)
-        g = v @ self.N - a_0
-        of_v = np.abs(D_v) * error
-        size_of_v = np.abs(v) + np.abs(middle[..., 0])
-        size_of_v += np.abs(D_v) * _times(np.abs(YN), radius_a) + _times(np.abs(X), radius)
-        of_v += 4.0 * (self.m + 8) * EPS * size_of_v
-        small = of_v @ size_of_N + 8.0 * EPS * largest_a
-        NX = self.N.T @ X
-        room = _times(np.abs(NX), radius) * (1.0 + 8.0 * EPS) + small
-        low, high = _narrowed(S, g, room, -radius_a, radius_a)
-        try:
-            Z: Array = np.asarray(np.linalg.inv(S), dtype=float)
-        except np.linalg.LinAlgError:
-            Z = np.zeros_like(S)
-        if np.isfinite(Z).all() and Z.any():
-            k = S.shape[-1]
-            size_of_Z = np.abs(Z)
-            sizes = np.abs(g) + _times(np.abs(S), radius_a)
-            room = _times(np.abs(Z @ NX), radius) * (1.0 + 8.0 * EPS)
-            rounding = 8.0 * (k + self.m + 4) * EPS
-            room += _times(size_of_Z, small + rounding * (sizes + _times(np.abs(NX), radius)))
-            low, high = _narrowed(Z @ S, _times(Z, g), room, low, high)
-        is_alive = np.asarray((low <= high).all(-1))
-        middle_a = np.where(is_alive[:, None], 0.5 * (low + high), 0.0)
-        half_a = np.where(is_alive[:, None], 0.5 * (high - low), radius_a) * (1.0 + 8.0 * EPS)
-        half_a += 4.0 * EPS * np.abs(middle_a)
-
-        # places
-        points = self.problems.points
-        conditions = []
-        for axis in (0, 1):
-            d = strips.D[..., axis]
-            X = -d[..., None] * YK
-            X[:, node, node] += strips.W[..., axis]
-            along = _times(YN, middle_a)
-            centre = middle[..., axis] + d * (tau + along)
-            reach = _times(np.abs(X), radius) * (1.0 + 8.0 * (self.m + 1) * EPS)
-            reach += np.abs(d) * (_times(np.abs(YN), half_a) + error)
-            size = np.abs(centre) + np.abs(middle[..., axis]) + np.abs(d) * np.abs(tau)
-            size += np.abs(d) * _times(np.abs(YN), np.abs(middle_a) + half_a)
-            reach += 8.0 * (S.shape[-1] + 4) * EPS * size
-            is_known = np.isfinite(centre) & np.isfinite(reach)
-            least = np.where(is_known, centre - reach, -np.inf)
-            greatest = np.where(is_known, centre + reach, np.inf)
-            conditions.append(Condition(points[..., axis], least, greatest))
+        """Return boxes made smaller with the stiffened matrix, where an inverse proves that."""
+        x_0 = 0.5 * (box.x_low + box.x_high)
+        radius = 0.5 * (box.x_high - box.x_low) * (1.0 + 4.0 * EPS) + 2.0 * EPS * np.abs(x_0)
+        load = self.problems.load + x_0 @ self.columns.T
+        columns = np.broadcast_to(self.columns, (len(x_0), *self.columns.shape))
+        strips = self.stiff.strips(box.places)
+        enclosure = self.stiff.enclosure(strips, load, columns, radius)
+        low, high = self._narrowed(box, enclosure, x_0)
+        is_alive = (low <= high).all(-1, keepdims=True)
+        low, high = np.where(is_alive, low, -radius), np.where(is_alive, high, radius)
+        conditions = self.problems.conditions(box.places, enclosure.between(low, high))
         places = self.problems.clipped(box.places, conditions)
-        room_a = 4.0 * EPS * largest_a
-        a_low = np.maximum(box.a_low, a_0 + low - room_a)
-        a_high = np.minimum(box.a_high, a_0 + high + room_a)
-        return ModeBoxes(places.low, places.high, a_low, a_high)
+        room = 4.0 * EPS * (np.abs(x_0) + radius)
+        x_low = np.where(is_alive, np.maximum(box.x_low, x_0 + low - room), np.inf)
+        return ModeBoxes(places.low, places.high, x_low, np.minimum(box.x_high, x_0 + high + room))
+
+    def _narrowed(self, box: ModeBoxes, enclosure: Enclosure, x_0: Array) -> tuple[Array, Array]:
+        """Return bounds (n, k) of x − x₀ by the equations of the amplitudes, and by hulls of v, ζ.
+
+        With v = v₀ + V(x − x₀) + X δ, a = Nᵀv reads (E − NᵀV)(x − x₀) = Nᵀv₀ − a₀ + NᵀX δ.
+        """
+        k = self.N.shape[1]
+        size_of_N = np.abs(self.N)
+        v_0, V, X = enclosure.centre[0], enclosure.along[0], enclosure.bends[0]
+        NX = self.N.T @ X
+        size_of_v = np.abs(v_0) + enclosure.reach(0)
+        small = (enclosure.room[0] + 4.0 * (self.m + 8) * EPS * size_of_v) @ size_of_N
+        small += 8.0 * EPS * (np.abs(x_0) + enclosure.radius)[:, :k]
+        bends = product(np.abs(NX), enclosure.bend_radius) * (1.0 + 8.0 * EPS)
+        g = v_0 @ self.N - x_0[:, :k]
+        equations = _Equations(np.eye(k, x_0.shape[1]) - self.N.T @ V, g, bends + small)
+        low, high = equations.narrowed(-enclosure.radius, enclosure.radius)
+        sizes = np.abs(g) + product(np.abs(equations.S), enclosure.radius)
+        for column in range(x_0.shape[1] if self.has_s else 1):
+            kept = np.delete(np.arange(x_0.shape[1]), column) if self.has_s else slice(None)
+            Z = _inverse(equations.S[..., kept])
+            rounding = 8.0 * (k + self.m + 4) * EPS * (sizes + bends)
+            room = product(np.abs(Z @ NX), enclosure.bend_radius) * (1.0 + 8.0 * EPS)
+            room += product(np.abs(Z), small + rounding)
+            low, high = _Equations(Z @ equations.S, product(Z, g), room).narrowed(low, high)
+        for axis, (least, greatest) in enumerate(self.problems.hulls(box.places)):
+            middle = 0.5 * (least + greatest) - enclosure.centre[axis]
+            room = 0.5 * (greatest - least) + enclosure.bent(axis)
+            room += 8.0 * EPS * (np.abs(least) + np.abs(greatest) + np.abs(enclosure.centre[axis]))
+            low, high = _Equations(enclosure.along[axis], middle, room).narrowed(low, high)
+        return low, high
 
     # -- ends --------------------------------------------------------------------------------------
 
@@ -365,28 +353,24 @@ class ModeSearch:
                 decisions.append(decision)
         return decided, decisions
 
-    def _halves(self, box: ModeBoxes, root_width: float) -> list[ModeBoxes]:
-        """Return boxes cut in the middle of their widest amplitude, or at their heaviest bend."""
-        if not len(box.low):
-            return []
+    def _halves(self, box: ModeBoxes, root_width: Array) -> list[ModeBoxes]:
+        """Return boxes cut in the middle of their widest coordinate, or at their heaviest bend."""
         halves = list[ModeBoxes]()
         strips = self.problems.strips(box.places)
         for row in range(len(box.low)):
             one = box.take(slice(row, row + 1))
-            width = (one.a_high - one.a_low)[0]
-            if np.max(width, initial=0.0) > _NARROW * root_width:
-                mode = int(np.argmax(width))
-                below, above = one.a_high.copy(), one.a_low.copy()
-                cut = 0.5 * (one.a_low[0, mode] + one.a_high[0, mode])
-                below[0, mode] = above[0, mode] = cut
-                halves.append(one._replace(a_low=above))
-                halves.append(one._replace(a_high=below))
+            share = (one.x_high - one.x_low)[0] / root_width
+            if np.max(share, initial=0.0) > _NARROW:
+                widest = int(np.argmax(share))
+                below, above = one.x_high.copy(), one.x_low.copy()
+                cut = 0.5 * (one.x_low[0, widest] + one.x_high[0, widest])
+                below[0, widest] = above[0, widest] = cut
+                halves += [one._replace(x_low=above), one._replace(x_high=below)]
             else:
                 node = int(np.argmax(strips.weight[row]))
                 below, above = one.high.copy(), one.low.copy()
                 below[0, node] = above[0, node] = strips.vertex[row, node]
-                halves.append(one._replace(high=below))
-                halves.append(one._replace(low=above))
+                halves += [one._replace(high=below), one._replace(low=above)]
         return halves
 
     # -- the monotone problems ---------------------------------------------------------------------
@@ -407,7 +391,7 @@ class ModeSearch:
         bounds = np.full((2, self.m), np.inf)
         for sign, v in ((1.0, v_low), (-1.0, v_high)):
             points, counts = self._monotone(box, sign)
-            pull = sign * (load - problems.plus @ v) + problems.noise
+            pull = sign * (load - problems.plus @ v) + problems.noise + np.abs(self.change)
             others = problems.with_matrix(Z, problems.size_of_A).with_points(points, counts)
             others.load = pull[None]
             whole = GraphPart(np.zeros(self.m, dtype=np.intp), counts - 1)
@@ -465,37 +449,42 @@ def _largest_below(points: Array) -> Array:
     return np.array(line)
 
 
-def _times(M: Array, x: Array) -> Array:
-    """Return the products (n, j) of matrices (n, j, k) and vectors (n, k)."""
-    return np.asarray((M @ x[..., None])[..., 0])
-
-
 def _stacked(parts: list[ModeBoxes]) -> ModeBoxes:
     """Return boxes one after the other, in arrays of their own."""
     return ModeBoxes._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
 
 
-def _narrowed(S: Array, g: Array, room: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return bounds (n, k) of δ with |S δ − g| ≤ room, from bounds low to high.
+class _Equations(NamedTuple):
+    """|S x − g| ≤ room of n boxes: S (n, r, k), g and room (n, r); room may be infinite."""
 
-    Boxes whose bounds cross are empty.
-    """
-    size_of_S = np.abs(S)
-    for _ in range(_SWEEPS):
-        middle = 0.5 * (low + high)
-        half = 0.5 * np.abs(high - low)
-        centre = _times(S, middle)
-        reach = _times(size_of_S, half) + room
-        terms = _times(size_of_S, np.abs(middle) + half) + np.abs(g)
-        reach += 8.0 * (S.shape[-1] + 4) * EPS * terms
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            others = (centre - g)[..., None] - S * middle[:, None, :]
+    S: Array
+    g: Array
+    room: Array
+
+    def narrowed(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return bounds (n, k) of x from bounds low to high; of an empty box they cross."""
+        size_of_S = np.abs(self.S)
+        for _ in range(_SWEEPS):
+            middle, half = 0.5 * (low + high), 0.5 * np.abs(high - low)
+            terms = product(size_of_S, np.abs(middle) + half) + np.abs(self.g)
+            reach = product(size_of_S, half) + self.room
+            reach += 8.0 * (self.S.shape[-1] + 4) * EPS * terms
+            missing = (self.g - product(self.S, middle))[..., None] + self.S * middle[:, None, :]
             spread = reach[..., None] - size_of_S * half[:, None, :]
-            best = -others / S
-            width = spread / size_of_S
-            margin = 8.0 * EPS * (np.abs(best) + width)
-            least = np.where(np.isfinite(best) & np.isfinite(width), best - width - margin, -np.inf)
-            most = np.where(np.isfinite(best) & np.isfinite(width), best + width + margin, np.inf)
-        low = np.maximum(low, least.max(axis=1))
-        high = np.minimum(high, most.min(axis=1))
-    return low, high
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                best, width = missing / self.S, spread / size_of_S
+                width += 8.0 * EPS * (np.abs(best) + width)
+                is_known = np.isfinite(best) & np.isfinite(width)
+                least = np.where(is_known, best - width, -np.inf)
+                most = np.where(is_known, best + width, np.inf)
+            low, high = np.maximum(low, least.max(axis=1)), np.minimum(high, most.min(axis=1))
+        return low, high
+
+
+def _inverse(S: Array) -> Array:
+    """Return the inverses of matrices (n, k, k), 0 where one is singular."""
+    try:
+        Z = np.linalg.inv(S)
+    except np.linalg.LinAlgError:
+        Z = np.zeros_like(S)
+    return np.where(np.isfinite(Z).all(axis=(-2, -1), keepdims=True), Z, 0.0)

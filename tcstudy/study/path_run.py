@@ -229,7 +229,9 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     )
     branches: Branches | None = None
     if plan.complete:
-        branches = all_branches(problem, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
+        branches = all_branches(
+            problem, plan.begin, plan.end, lambda_1, LIMITS, plan.at, known=(path,)
+        )
     lowest_states = lowest(path)
     slide = ""
     if not level.is_held(plan.scene):

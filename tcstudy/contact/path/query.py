@@ -11,7 +11,8 @@ lowest solution changes without a fold.
 
 Branches: `contact.all_solutions` finds all cells that may hold a solution for some t, as problems
 with a load that varies: slabs of t cover the interval, and every step but a proof of emptiness
-keeps all solutions. In a cell the solutions are one segment. Branches are followed from those that
+keeps all solutions. Slabs of many boxes are searched by soft modes (contact/branch_search.py). In a
+cell the solutions are one segment. Branches are followed from those that
 begin at an end of the interval, loops from what is left. Checked: every cell that a branch goes
 through is one that has a segment, no segment is on no branch, no branch ends inside, and the number
 of solutions is odd where the interval begins, so that it is everywhere.
@@ -27,8 +28,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import Equilibria, sides_of_codes, unproved
+from tcstudy.contact.all_solutions import Equilibria, searched, sides_of_codes, unproved
 from tcstudy.contact.boxes import Limits, PolygonProblems, Segments
+from tcstudy.contact.branch_search import branch_cells
 from tcstudy.contact.certificates import Proofs
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
@@ -303,6 +305,7 @@ def all_branches(
     lambda_1: float,
     limits: Limits | None = None,
     at: Sequence[float] = (),
+    known: Sequence[Path] = (),
 ) -> Branches:
     """Return every branch for t from begin to end.
 
@@ -311,6 +314,7 @@ def all_branches(
             for one, as its limits are met or the value is outside, the solutions there are listed.
             Those inside are followed like the segments of unfinished branches, so that every branch
             known is whole.
+    known:  branches of the same problem that are listed whatever the search finds
     Raises ValueError for laws with exponential pieces.
     """
     limits = limits or Limits()
@@ -328,13 +332,17 @@ def all_branches(
         lambda_1,
         load_range * 0.5 / SLABS,
     )
-    cells = boxes.search(limits)
+    cells, by_modes = searched(boxes, limits, branch_cells)
     is_limited = bool(np.any(cells.stopped))
     unanswered = [t for t in at if is_limited or not low <= t <= high]
     listed = {t: known_solutions(problem.at(t), limits) for t in unanswered}
 
-    listed_sides = [listed[t].sides for t in unanswered if low <= t <= high]
-    sides = np.unique(np.concatenate([cells.sides, *listed_sides]), axis=0)
+    of_modes = [found.sides for found in by_modes.values()]
+    known_sides = [listed[t].sides for t in unanswered if low <= t <= high]
+    if is_limited:
+        side_of_code = sides_of_codes(problem.law)
+        known_sides += [side_of_code[path.codes] for path in known]
+    sides = np.unique(np.concatenate([cells.sides, *of_modes, *known_sides]), axis=0)
     first_load = problem.load(low)[None]
     segments = boxes.segments(np.zeros(len(sides), dtype=np.intp), sides, first_load, load_range)
     undecided = int(np.count_nonzero(~(segments.has_segment | segments.is_empty)))

@@ -9,6 +9,8 @@ import pytest
 import tcstudy
 from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.boxes import Cells, Limits, PolygonProblems
+from tcstudy.contact.branch_search import BranchSearch
+from tcstudy.contact.curves import SlopeRange, SoftDirection
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, PathStatus
 from tcstudy.contact.path.query import all_branches
@@ -44,6 +46,62 @@ def test_random_problems_have_the_segments_that_brute_force_finds(m: int, seeds:
             assert (len(v), sum(stable)) == (len(at), np.count_nonzero(at.stable))
             np.testing.assert_allclose(np.sort(v, axis=0), np.sort(at.v, axis=0), atol=1e-9)
     assert m != 2 or loops
+
+
+@pytest.mark.parametrize(("m", "seeds"), [(2, 20), (3, 10)])
+def test_intervals_searched_by_soft_modes_have_the_segments_of_brute_force(
+    m: int, seeds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both kinds of curve end boxes: over s, and past folds over an amplitude."""
+    monkeypatch.setattr("tcstudy.contact.all_solutions.FIRST_WORK", 1.0)
+    monkeypatch.setattr("tcstudy.contact.all_solutions.MIN_FIRST_BOXES", 1)
+    curves = {"_over_load": 0, "_past_folds": 0}
+    for name in curves:
+        method = getattr(BranchSearch, name)
+
+        def counted(self, *arguments, name=name, method=method):  # type: ignore[no-untyped-def]
+            curves[name] += 1
+            return method(self, *arguments)
+
+        monkeypatch.setattr(BranchSearch, name, counted)
+    for seed in range(seeds):
+        problem, per_t = random_problem(seed, m, has_jumps=False)
+        _, rows, _ = by_brute_force(problem, per_t)
+        along = ParametricProblem(problem.A_tilde, problem.l_tilde, per_t, problem.c, problem.law)
+        found = all_branches(along, 0.0, 1.0, problem.lambda_1)
+        assert found.complete, found.reason
+        ends = np.array([sorted(pair) for branch in found.branches for pair in pairwise(branch.t)])
+        np.testing.assert_allclose(np.sort(ends, axis=0), np.sort(rows, axis=0), atol=1e-8)
+    assert min(curves.values()) >= seeds // 2
+
+
+def test_kappa_bounds_the_rate_of_s_for_all_slopes_of_a_part() -> None:
+    """κ ≤ |NᵀĤ(q)⁻¹l̃₁| at random slopes, and is nearly it where there is one slope."""
+    tight = 0
+    for seed in range(20):
+        problem, per_s = random_problem(seed, 3, has_jumps=False)
+        polygons = PolygonProblems(
+            problem.A_tilde, problem.c, problem.law, problem.l_tilde[None], 1.0, per_s
+        )
+        search = BranchSearch(polygons.single(0))
+        root_c = np.sqrt(problem.c)
+        rng = np.random.default_rng(seed)
+        N, low = rng.normal(size=3), rng.uniform(-0.2, 0.5, 3)
+        for width in (0.0, 0.1, 1.0):
+            slopes = SlopeRange(low[None], low[None] + width, np.zeros((1, 3), dtype=bool))
+            gap = float(search.parts.inertia(slopes, SoftDirection(N, 0.7, 0.0)).gap[0])
+            if not gap > 0.0:
+                continue
+            kappa = search.kappa(slopes, SoftDirection(N, 0.7, gap))
+            stiff = problem.A_tilde + 0.7 * np.outer(N, N)
+            for q in low + width * np.append(rng.random((50, 3)), [np.zeros(3), np.ones(3)], 0):
+                Y = np.linalg.inv(stiff / np.outer(root_c, root_c) + np.diag(q))
+                rate = abs(float((N / root_c) @ Y @ (per_s / root_c)))
+                assert rate >= kappa * (1.0 - 1e-12)
+            if width == 0.0:
+                assert kappa == pytest.approx(rate, rel=1e-5)
+            tight += kappa > 0.5 * rate
+    assert tight > 10
 
 
 def test_equal_nodes_are_undecided_and_a_small_change_decides_them() -> None:
