@@ -39,7 +39,10 @@ class Sides(NamedTuple):
 
 
 class SolutionCurve(NamedTuple):
-    """Vertices of a curve: coefficients x (T, k), v and ζ (T, m), and the sides between (T − 1, m)."""
+    """Vertices of a curve: coefficients x (T, k), v and ζ (T, m).
+
+    sides: (T − 1, m) sides between them
+    """
 
     x: Array
     v: Array
