@@ -29,7 +29,6 @@ TERMS = {
         "constrained, prescribed; restrains rigid-body motion"
     ),
     r"\blies? loose\b": "has a rigid-body mode",
-    r"\blifts? off\b": "separates",
     r"\bpinned\b": "constrained",
     r"\bsofter than its loads\b|\bthe body softer\b": (
         "the load exceeds Young's modulus; lower stiffness"

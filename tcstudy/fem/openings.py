@@ -74,7 +74,7 @@ def opening_line(
     if len(held):
         x, y = mesh.points[segments[held[0], 0]]
         raise GeometryFailed(
-            f"no node at ({x:g}, {y:g}) is free to lift off, all are held along the normal; "
+            f"no node at ({x:g}, {y:g}) is free to lift off, all are constrained along the normal; "
             "refine the mesh, or give that edge normal: held",
             EDGES,
         )

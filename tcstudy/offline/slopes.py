@@ -30,11 +30,14 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.solution import Linearised
-from tcstudy.fem.forms import Moduli, Springs
-from tcstudy.laws.composed import agreed, derivative, law_slopes, number_of, stepped
+from tcstudy.fem.forms import ContactLine, Moduli, Springs
+from tcstudy.fem.openings import OpeningLine
+from tcstudy.laws.composed import EdgeLaws, agreed, derivative, law_slopes, number_of, stepped
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level, loaded_by
+from tcstudy.offline.opening_laws import laws_of_openings
 from tcstudy.scene.fit_plan import Sensitivity
+from tcstudy.scene.keys import LAWS, parameter_names
 from tcstudy.scene.parameters import FACTORED, path_scene
 from tcstudy.scene.records import Scene, exchanges
 
@@ -71,7 +74,7 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
     """
     path = by.path
     none = np.zeros(2 * level.mesh.n_points)
-    if path[0] in ("friction", "history"):
+    if path[0] in (*LAWS, "history"):
         return Change(none, none)
     if path[0] in ("material", "materials"):
         return _material_change(level, scene, path)
@@ -158,7 +161,7 @@ class WholeBody:
         if np.any(change.held):
             load = load - level.stiffness_times(self.scene, level.frames.cartesian(change.held))
         if not np.any(load):
-            return np.zeros(level.line.m)
+            return np.zeros(level.m)
         return level.condensed_of(self.scene, load)
 
     def energy(self, change: Change) -> float:
@@ -201,7 +204,7 @@ class WholeBody:
 
 @dataclass(frozen=True, eq=False)
 class FrictionSlopes:
-    """Derivatives of friction by a number, at the slips v of a solution; 0 unless a law has it.
+    """Derivatives of friction and adhesion by a number, at a solution v; 0 unless a law has it.
 
     b:      (m,) ∂b/∂p
     kinks:  (m,) derivatives of the kinks at which nodes stick
@@ -220,7 +223,7 @@ class FrictionSlopes:
 def friction_slopes(
     level: Level, scene: Scene, by: Sensitivity, solution: Linearised
 ) -> FrictionSlopes:
-    """Return the derivatives of friction by a number at a solution.
+    """Return the derivatives of friction and adhesion by a number at a solution.
 
     A node that sticks at a kink has v = κ(p): with b on the inner side of κ, its energy changes by
     c (∂j/∂p + b κ′) − ξ κ′.
@@ -230,15 +233,17 @@ def friction_slopes(
     b = np.zeros(len(solution.v))
     kinks = np.zeros(len(solution.v))
     energy = 0.0
-    if by.path[0] != "friction":
+    if by.path[0] not in LAWS:
         return FrictionSlopes(b, kinks)
     softening: list[tuple[float, float]] = []  # ω of each law and its derivative
-    for law, nodes, factor, has_parameter in _laws(level, scene, by.path):
-        largest_factor = float(np.max(factor, initial=0.0))
+    for law, nodes, strength, share, has_parameter in _laws(level, scene, by.path):
+        largest_factor = float(np.max(strength, initial=0.0))
         omega_slope = 0.0
         if has_parameter:
-            slopes = law_slopes(law, number_of(by.path))
+            slopes = law_slopes(law, _name_in_shape(law, by.path))
             s = solution.v[nodes]
+            # the strength of a one-sided law is of openings alone
+            factor = strength if law.closing is None else np.where(s < 0.0, share, strength)
             b[nodes] += factor * slopes.value(s, law.piece(s))
             if len(law.kinks):
                 kink_slopes = slopes.kinks[law.nearest_kink(s)]
@@ -259,16 +264,50 @@ def friction_slopes(
     return FrictionSlopes(b, kinks, energy, agreed(np.array(slopes_of_largest)))
 
 
-def _laws(
-    level: Level, scene: Scene, path: tuple[str, ...]
-) -> Iterator[tuple[Laws, Index, Array, bool]]:
-    """Yield each law, its nodes, its factor there, and whether it has the parameter."""
-    friction = scene.friction
-    line = level.line
-    if isinstance(friction, Laws):
-        yield friction, np.arange(line.m, dtype=np.intp), np.ones(line.m), True
+def _name_in_shape(law: Laws, path: tuple[str, ...]) -> str:
+    """Return the name that the shape of a law has for the number at a key path."""
+    name = number_of(path)
+    if law.made is None:
+        raise KeyError(name)
+    return parameter_names(law.made.shape, path[0]).get(name, name)
+
+
+_Law = tuple[Laws, Index, Array, Array, bool]
+"""A law, its nodes, its factor there with and without strength, whether it has the parameter."""
+
+
+def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> Iterator[_Law]:
+    """Yield the laws of the slips, and of the openings where the level has some."""
+    yield from _laws_along(level.line, scene.friction, path if path[0] == "friction" else ())
+    if level.opening is None:
         return
-    factors = friction.factors(line.edge_names, line.edge, line.xy, line.joints)
-    for (edge, law, _), factor in zip(friction.laws, factors, strict=True):
+    places = path if path[0] == "adhesion" else ()
+    if places and _is_of_all(scene.adhesion):
+        places = (*places, *scene.adhesive_edges)
+    of_openings = _laws_along(level.opening, laws_of_openings(scene), places)
+    for law, nodes, strength, share, has_parameter in of_openings:
+        yield law, level.line.m + nodes, strength, share, has_parameter
+
+
+def _is_of_all(laws: Laws | EdgeLaws | None) -> bool:
+    """Return whether one law is that of every edge."""
+    return not isinstance(laws, EdgeLaws) or any(not edge for edge, _, _ in laws.laws)
+
+
+def _laws_along(
+    line: ContactLine | OpeningLine, laws: Laws | EdgeLaws, path: tuple[str, ...]
+) -> Iterator[_Law]:
+    """Yield the laws of a line. path: of the parameter, () where it is no number of these laws."""
+    if isinstance(laws, Laws):
+        nodes = np.arange(line.m, dtype=np.intp)
+        ones = np.ones(line.m)
+        yield laws, nodes, ones, ones, bool(path)
+        return
+    places = line.edge_names, line.edge, line.xy, line.joints
+    factors = laws.factors(*places)
+    of_full_strength = tuple((edge, law, 1.0) for edge, law, _ in laws.laws)
+    shares = EdgeLaws(of_full_strength).factors(*places)
+    for (edge, law, _), factor, share in zip(laws.laws, factors, shares, strict=True):
         nodes = np.flatnonzero(~np.isnan(factor))
-        yield law, nodes, factor[nodes], edge in ("", *path)
+        has_parameter = bool(path) and edge in ("", *path)
+        yield law, nodes, factor[nodes], share[nodes], has_parameter

@@ -23,7 +23,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.fit_plan import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Memory, UnfitLaw
-from tcstudy.scene.keys import row, rows
+from tcstudy.scene.keys import LAWS, row, rows
 from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.parameters import (
     FACTORED,
@@ -368,10 +368,10 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Key
     by_path = dict[Keys, Number]()
     for path, number in numbers(base):
         is_given = not path[0].startswith("material") or root.at(*path)
-        if path[0] != "friction" and is_given:
+        if path[0] not in LAWS and is_given:
             by_path[path] = number
-    for scene in distinct(scenes, "friction"):
-        by_path |= {path: number for path, number in numbers(scene) if path[0] == "friction"}
+    for scene in distinct(scenes, *LAWS):
+        by_path |= {path: number for path, number in numbers(scene) if path[0] in LAWS}
     if root.at("history", "stiffness"):
         by_path["history", "stiffness"] = Number(row("history", "stiffness"), 0.0)
     return by_path

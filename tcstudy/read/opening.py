@@ -8,15 +8,17 @@ is refused here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context
 from tcstudy.scene.mesh_plan import MeshPlan
-from tcstudy.scene.records import Body, Boundary, Clamped, Contact, Edge, Free, Rigid, Role
+from tcstudy.scene.points import distinct
+from tcstudy.scene.records import Body, Boundary, Clamped, Contact, Edge, Free, Rigid, Role, Scene
 from tcstudy.scene.solver_plan import SolverPlan
 from tcstudy.scene.study import OutputPlan
 from tcstudy.shapes.edges import edge_normal
@@ -30,8 +32,6 @@ RIGHT_ANGLE = 1e-9
 """Largest cosine or sine at which two directions count as orthogonal or parallel."""
 SMOOTH = 1e-6
 """Sine of the largest angle at which two edges go on smoothly, as on a mesh."""
-SOLVED = False
-"""Whether the solver has unknowns along the normal."""
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
@@ -90,36 +90,59 @@ def _turned(normal: Array) -> Array:
 def check_opening(
     ctx: Context,
     root: Node,
-    places: tuple[Node, ...],
+    scenes: Sequence[Scene],
     mesh: MeshPlan | None,
     solver: SolverPlan | None,
     output: OutputPlan | None,
 ) -> None:
-    """Record what a study with edges that open asks for and cannot have.
+    """Record what a study asks for and cannot have where contact is not bilateral.
 
-    places: where it says that edges are not held along the normal
+    scenes: its points, none after a fault
     mesh, solver, output: None where a section has faults
     """
-    if not SOLVED:
-        fault = "bonds that open are read, but cannot be solved yet"
-        ctx.at(places[0], fault, "leave out adhesion and normal, and contact is bilateral")
-        return
-    for keys, fault, remedy in (*_of_proofs(root, mesh), *_of_requests(root, solver, output)):
+    faults = [*_of_proofs(root, mesh)]
+    if any(scene.opens for scene in scenes[:1]):
+        faults += [*_of_rays(scenes), *_of_requests(root, solver, output)]
+    for keys, fault, remedy in faults:
         ctx.at(root.nearest(*keys), fault, remedy)
 
 
 def _of_proofs(root: Node, mesh: MeshPlan | None) -> Iterator[Fault]:
     """Yield what is asked of errors: they are proved and estimated of the slip alone."""
     if mesh is not None and mesh.bounds_errors:
-        fault = "errors are bounded for bilateral contact, and an edge may open here"
+        fault = f"errors are bounded for {BILATERAL}"
         yield ("mesh", "guarantee"), fault, "remove guarantee, and compare levels instead"
     if mesh is not None and mesh.estimates:
         key = next((key for key in ("tolerance", "estimate", "family") if root.at("mesh", key)), "")
-        fault = "errors are estimated for bilateral contact, and an edge may open here"
-        yield ("mesh", key), fault, "use a uniform or graded family without it, with levels"
+        remedy = "use a uniform or graded family without it, with levels"
+        yield ("mesh", key), f"errors are estimated for {BILATERAL}", remedy
     if root.at("exact"):
-        fault = "an exact solution is of bilateral contact, and an edge may open here"
+        fault = f"an exact solution is of {BILATERAL}"
         yield ("exact",), fault, "remove exact, and compare levels instead"
+
+
+BILATERAL = "bilateral contact, and an edge is not held along its normal here"
+RAYS = False
+"""Whether the solver has openings that cannot be negative."""
+
+
+def _of_rays(scenes: Sequence[Scene]) -> Iterator[Fault]:
+    """Yield edges whose foundation is rigid, where that is not solved."""
+    if RAYS:
+        return
+    for scene in distinct(scenes, "boundary", "adhesion"):
+        for name, role in scene.boundary:
+            if isinstance(role, Contact) and role.normal == "unilateral":
+                fault = "a unilateral edge cannot be solved yet"
+                soft = f"adhesion: {{{name}: {{law: linear, k: 0, closing: 200 GPa/m}}}}"
+                yield ("boundary", name, "normal"), fault, f"give it a soft foundation: {soft}"
+                return
+        laws = scene.adhesion
+        records = [law for _, law, _ in laws.laws] if isinstance(laws, EdgeLaws) else [laws]
+        if any(law is not None and law.has_rays for law in records):
+            fault = "a bond on a rigid foundation cannot be solved yet"
+            yield ("adhesion",), fault, "give it a soft one, closing: 200 GPa/m"
+            return
 
 
 def _of_requests(
@@ -139,9 +162,7 @@ def _of_requests(
 
 UNKNOWN: Mapping[str, str] = {
     "path": "no path is followed",
-    "history": "no history is followed",
     "fit": "no law is fitted",
-    "output.sensitivity": "no result is differentiated",
-    "output.quantities": "these results are not known",
+    "history": "no history is followed",
 }
-"""Keys that a study with edges that open cannot have yet, with the reason."""
+"""Sections that a study with edges that open cannot have yet, with the reason."""

@@ -164,8 +164,7 @@ def _one_body(
     if root.at("fit") and not ctx.errors.problems:
         fit = read_fit(ctx, reader, mesh, history)
     if reader.not_held:
-        check_opening(ctx, root, reader.not_held, mesh, solver, output)
-        mesh = mesh and replace(mesh, guarantee="none")
+        check_opening(ctx, root, reader.scenes, mesh, solver, output)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (

@@ -184,6 +184,10 @@ def converge_to_file(
         estimates = "they come with their own error estimates"
         remedy = "use tcstudy run or tcstudy cost, or --set mesh.family=uniform"
         raise ConvergenceError(f"{problem}, and {estimates}; {remedy}")
+    if study.opens:
+        problem = "rates are measured of slips, and a contact edge may open"
+        remedy = "compare levels with tcstudy run, which prints the last change of each result"
+        raise ConvergenceError(f"{problem}; {remedy}")
     to_file(path, study, command, lambda: converge(study, say), lock=lock)
 
 

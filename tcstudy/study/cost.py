@@ -90,6 +90,10 @@ def cost_to_file(
     Raises CostError, StoreError, GeometryFailed.
     """
     point_study = at_point(study, index)
+    if not all(scene.holds_normal for scene in point_study.scenes):
+        problem = "errors are measured for bilateral contact"
+        remedy = "compare levels with tcstudy run, which prints the last change of each result"
+        raise CostError(f"{problem}; {remedy}")
 
     def compute() -> Record:
         return measure(point_study, runs, progress, {"point": point})

@@ -69,8 +69,8 @@ def derivatives_of(
         except KeyError:  # a law of the sweep that has no such parameter
             continue
         values = {
-            "u_T_max": _derivative_of_largest(v, dv),
-            "friction_resultant": float(dxi.sum()),
+            "u_T_max": _derivative_of_largest(level.split(v)[0], level.split(dv)[0]),
+            "friction_resultant": float(level.split(dxi)[0].sum()),
             "theta_mean": theta_mean,
             "lambda_1": whole.lambda_1(change),
             "omega": friction.omega,

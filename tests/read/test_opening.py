@@ -38,7 +38,7 @@ CHECK = jsonschema.Draft202012Validator(schema())
 
 @pytest.fixture(autouse=True)
 def solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opening, "SOLVED", True)
+    monkeypatch.setattr(opening, "RAYS", True)
 
 
 def study(*options: str, text: str = ARM) -> Study:
@@ -61,7 +61,7 @@ def test_a_law_makes_an_edge_adhesive_and_one_sided() -> None:
     assert arm.adhesion == one_sided(BILINEAR)
     soft = scene("adhesion.closing=200 GPa/m")
     assert soft.adhesion == one_sided(BILINEAR, 2e11)
-    assert study().mesh.guarantee == "none"
+    assert not study().encloses_lambda_1
 
 
 def test_normal_says_what_an_edge_without_a_law_does() -> None:
@@ -97,11 +97,7 @@ def test_friction_may_be_left_out_where_all_edges_open() -> None:
 def test_a_study_that_asks_for_nothing_has_what_it_had() -> None:
     block = study("adhesion=null")
     assert role(block.scenes[0]) == Contact()
-    assert (block.scenes[0].opens, block.scenes[0].adhesion, block.mesh.guarantee) == (
-        False,
-        None,
-        "band",
-    )
+    assert (block.scenes[0].opens, block.scenes[0].adhesion) == (False, None)
 
 
 @pytest.mark.parametrize("law", SHAPES)
@@ -300,11 +296,14 @@ def test_the_schema_knows_the_keys() -> None:
     assert not CHECK.is_valid(arm | {"boundary": {"bottom": {"role": "free", "normal": "held"}}})
 
 
-def test_bonds_that_open_are_refused_where_they_are_not_solved(
+def test_rigid_foundations_are_refused_where_they_are_not_solved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(opening, "SOLVED", False)
-    for options in ((), ("adhesion=null", "boundary.bottom={role: contact, normal: free}")):
-        with pytest.raises(StudyError, match="cannot be solved yet"):
+    monkeypatch.setattr(opening, "RAYS", False)
+    unilateral = ("adhesion=null", "boundary.bottom={role: contact, normal: unilateral}")
+    for options, fault in (((), "a bond on a rigid foundation"), (unilateral, "a unilateral edge")):
+        with pytest.raises(StudyError, match=f"{fault} cannot be solved yet"):
             study(*options)
-    assert study("adhesion=null").scenes
+    assert study("adhesion.closing=200 GPa/m").scenes
+    assert study("adhesion={bottom: {law: linear, k: 0, closing: 200 GPa/m}}").scenes
+    assert study("adhesion=null", "boundary.bottom={role: contact, normal: free}").scenes

@@ -499,7 +499,7 @@ def test_elements_for_arms_and_cohesive_zones(
     overrides: list[str], said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Zones of a beam on a bilinear foundation: 1.316, 0.924 mm at 20, 40 MPa with s ~ 1/σ."""
-    monkeypatch.setattr(opening, "SOLVED", True)
+    monkeypatch.setattr(opening, "RAYS", True)
     notes = lint(read_study_text(PEEL, "a.yaml", overrides))
     found = [note for note in notes if "elements of" in note]
     assert len(found) == len(said), found
@@ -509,7 +509,7 @@ def test_elements_for_arms_and_cohesive_zones(
 
 def test_the_cohesive_zone_of_an_arm_is_that_of_a_beam(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kanninen's beam on a bilinear foundation, a = 42 mm (softening part of its closed form)."""
-    monkeypatch.setattr(opening, "SOLVED", True)
+    monkeypatch.setattr(opening, "RAYS", True)
     for sigma, zone in ((5, 2.689514), (10, 1.878359), (20, 1.316047), (40, 0.924345)):
         s0, sf = 80 / sigma, 280 / sigma
         law = f"adhesion={{law: bilinear, sigma: {sigma} MPa, s0: {s0} um, sf: {sf} um}}"

@@ -110,6 +110,29 @@ OF_RIGID = {
 }
 
 
+PEELED = """
+units: none
+body: {rectangle: {width: 4, height: 0.5}}
+boundary:
+  bottom: contact
+  left: {role: traction, g: [0.004, 0.022]}
+  right: clamped
+  top: free
+material: {E: 2, nu: 0.25, plane: stress}
+friction: {law: elastic-plastic, tau: 0.02, s0: 0.05}
+adhesion: {law: bilinear, sigma: 0.05, s0: 0.004, sf: 0.4, closing: 40}
+mesh: {maxh: 0.25}
+"""
+GLUED = PEELED.replace("adhesion: {", "adhesion: {bottom: {").replace(
+    "40}", '40, strength: "1 + 0.1*x"}}'
+)
+OF_LAW = {"sigma": 0.05, "s0": 0.004, "sf": 0.4, "closing": 40.0}
+OF_PEELED = {f"adhesion.{name}": value for name, value in OF_LAW.items()} | {
+    **{"adhesion.strength": 1.0, "friction.tau": 0.02, "E": 2.0, "boundary.left.g_y": 0.022},
+}
+OF_GLUED = {f"adhesion.bottom.{name}": value for name, value in OF_LAW.items()}
+
+
 def asking(text: str, *names: str) -> tuple[Study, Level]:
     """A study that asks for derivatives by these numbers, and its mesh."""
     study = read_study_text(text, overrides=[f"output.sensitivity=[{', '.join(names)}]"])
@@ -121,9 +144,10 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     problem = level.condensed(scene).problem
     answer = solve_contact(problem)
     energy = problem.energy(answer.v) + level.condensed(scene).constant
+    u_T, xi = level.split(answer.v)[0], level.split(answer.xi)[0]
     values = [
-        np.max(np.abs(answer.v)),
-        answer.xi.sum(),
+        np.max(np.abs(u_T)),
+        xi.sum(),
         level.temperature(scene).mean,
         energy,
         level.lambda_1(scene),
@@ -144,6 +168,8 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         ),
         (RIGID, OF_RIGID),
         (block(FALLING, SLOW), {"friction.film.delta": 1.0}),
+        (PEELED, OF_PEELED),
+        (GLUED, OF_GLUED),
     ],
     ids=[
         "bracket",
@@ -153,6 +179,8 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         "in stress",
         "plate",
         "edge",
+        "adhesion",
+        "adhesion of an edge",
     ],
 )
 def test_every_kind_of_number_against_differences(text: str, values: dict[str, float]) -> None:
