@@ -85,6 +85,15 @@ def init(options: argparse.Namespace) -> int:
     return OK
 
 
+WORK_OPTIONS = (
+    option("--jobs", type=process_count, metavar="N", help=_JOBS),
+    option("--dask", metavar="ADDRESS", help=_DASK),
+    option("--append", action="store_true", help=_APPEND),
+    option("--dry-run", action="store_true", help=_DRY_RUN),
+)
+"""Who does the work of a run, and how much of it."""
+
+
 @command(
     "run a study: sweep, equilibrium path, load history or fit; writes a netCDF file",
     STUDY,
@@ -93,13 +102,10 @@ def init(options: argparse.Namespace) -> int:
     _plot_option("also draw it"),
     *PRINTING,
     FORCE,
-    option("--jobs", type=process_count, metavar="N", help=_JOBS),
-    option("--dask", metavar="ADDRESS", help=_DASK),
-    option("--append", action="store_true", help=_APPEND),
-    option("--dry-run", action="store_true", help=_DRY_RUN),
+    *WORK_OPTIONS,
 )
 def run(options: argparse.Namespace) -> int:
-    """Do what a study asks, or say what that would be."""
+    """Run a study, or print the work that it would take."""
     study = _read_study(options)
     if options.dry_run:
         return _dry_run(options, study)
@@ -253,13 +259,9 @@ def _print_plan_json(
     from tcstudy.reports.json_values import json_text
     from tcstudy.reports.text import facts_by_label
 
-    heading = {
-        "kind": "plan",
-        "title": study.title,
-        "output": str(output),
-        "most_levels": study.mesh.levels,
-    }
-    print(json_text({**heading, "verdict": facts_by_label(lines), **numbers}))
+    plan: dict[str, Any] = {"kind": "plan", "title": study.title, "output": str(output)}
+    plan |= {"most_levels": study.mesh.levels, "verdict": facts_by_label(lines)}
+    print(json_text(plan | dict(numbers)))
 
 
 def _work_in_words(study: Study, forecast: Plan) -> str:

@@ -37,9 +37,11 @@ class Command(NamedTuple):
     run: Callable[[argparse.Namespace], int]
 
 
-def command(
-    help: str, *options: Option
-) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+Action = Callable[[argparse.Namespace], int]
+"""A function that does the work of a command and returns its exit code."""
+
+
+def command(help: str, *options: Option) -> Callable[[Action], Command]:
     """Make a command of the function below it."""
     return lambda run: Command(help, options, run)
 
@@ -85,11 +87,10 @@ def choice_option(*flags: str, dest: str, help: str) -> Option:
 _QUIET = "print one line with the outcome"
 _VERBOSE = "print all columns and rows, whatever the width of the terminal"
 _JSON = "print one JSON object instead of tables: the same numbers, not rounded, in SI units"
-PRINTING = (
-    choice_option("-q", "--quiet", dest="manner", help=_QUIET),
-    choice_option("-v", "--verbose", dest="manner", help=_VERBOSE),
-    choice_option("--json", dest="manner", help=_JSON),
-)
+_QUIET_OPTION = choice_option("-q", "--quiet", dest="manner", help=_QUIET)
+_VERBOSE_OPTION = choice_option("-v", "--verbose", dest="manner", help=_VERBOSE)
+_JSON_OPTION = choice_option("--json", dest="manner", help=_JSON)
+PRINTING = (_QUIET_OPTION, _VERBOSE_OPTION, _JSON_OPTION)
 """How a command prints what it has to say: one of these."""
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
 SET = option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET)
