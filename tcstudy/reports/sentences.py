@@ -472,8 +472,8 @@ def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
     return words
 
 
-MIN_LOCKING_RATIO = 1.1
-"""λ₁ of a P1 mesh over that of equilibrium elements, above which the mesh locks."""
+MIN_STIFF_RATIO = 1.1
+"""λ₁ of a P1 mesh over that of equilibrium elements, above which the mesh is too stiff."""
 
 
 def proved_object(guarantee: str) -> str:
@@ -505,19 +505,21 @@ def of_the_body(low: Array, high: Array, proved: Flags, units: str, guarantee: s
     return f"{words}; so at {points}"
 
 
-def locks(mesh: Array, dual: Array) -> str:
-    """Return that the mesh locks where its λ₁ is far above that of equilibrium elements.
+def too_stiff(mesh: Array, dual: Array) -> str:
+    """Return that the mesh is too stiff where its λ₁ is far above that of equilibrium elements.
 
-    mesh, dual: (P,) λ₁ of the mesh and of equilibrium elements, which do not lock
+    The cause is a coarse mesh, or volumetric locking for ν near ½.
+
+    mesh, dual: (P,) λ₁ of the mesh and of equilibrium elements, which are not too stiff
     """
     ratio = float(np.nanmax(mesh / dual, initial=0.0, where=np.isfinite(dual)))
-    if not ratio > MIN_LOCKING_RATIO:
+    if not ratio > MIN_STIFF_RATIO:
         return ""
     return (
-        f"the mesh locks: its λ₁ is up to {number(ratio, 3)} times that of equilibrium elements, "
-        "so that uniqueness on the mesh (ω < λ₁) need not hold for the continuous problem; "
-        "refine, or use "
-        "the proved bounds of the body"
+        "the mesh is too stiff (coarse, or locking for ν near ½): its λ₁ is up to "
+        f"{number(ratio, 3)} times that of equilibrium elements, so that uniqueness on the mesh "
+        "(ω < λ₁) need not hold for the continuous problem; refine, or use the proved bounds of "
+        "the body"
     )
 
 
@@ -791,7 +793,10 @@ def order(slope: float, error: float, digits: int = 2) -> str:
 
 GOOD = ("as_expected", "faster")
 """Verdicts of orders that are as expected or better."""
-BAD = {"slower": "slower than expected", "pre_asymptotic": "pre-asymptotic"}
+BAD = {
+    "slower": "slower than expected",
+    "pre_asymptotic": "pre-asymptotic (rates still vary)",
+}
 """Verdicts of other orders, in words."""
 OPEN = {
     "too_few_levels": ("has only two levels", "have only two levels"),

@@ -76,7 +76,11 @@ def test_a_debonded_strip_has_neither_friction_nor_forces(run: Run, changes: tup
     sizes = floors_of(data)
     for name in ("shear_max", "friction_resultant", "reaction_right_x", "section_force_max"):
         assert sizes.cleared(name, data[name].values.reshape(-1), -1)[-1] == 0.0, name
-    assert "e-" not in text_of(path).partition("the finest:")[2]
+    ratios = data["omega"].values[..., -1].ravel() / data["lambda_1"].values[..., -1].ravel()
+    table = text_of(path).partition("the finest:")[2]
+    for ratio in ratios:  # which may be small without being rounding
+        table = table.replace(f"{ratio:.3g}", "")
+    assert "e-" not in table
     picture = read_picture(path, sweep)
     section = picture.line.section
     field = field_of(picture, "sigma_x")

@@ -36,7 +36,7 @@ def test_words(sentence: str, words: str) -> None:
             [
                 "1 of 3 orders are as expected or better",
                 "1 slower than expected: u",
-                "1 pre-asymptotic: ξ",
+                "1 pre-asymptotic (rates still vary): ξ",
                 "not judged: 1 error is rounding, 1 has corners that are not analysed",
             ],
         ),
@@ -193,6 +193,9 @@ def test_the_ends_of_a_proved_range_are_rounded_outwards() -> None:
 
 
 def test_a_mesh_locks_where_its_lambda_1_is_far_above_that_of_equilibrium_elements() -> None:
-    assert said.locks(np.array([1.09]), np.array([1.0])) == ""
-    assert said.locks(np.array([np.nan]), np.array([np.nan])) == ""
-    assert "up to 1.96 times" in said.locks(np.array([0.967, 1.0]), np.array([0.493, 1.0]))
+    assert said.too_stiff(np.array([1.09]), np.array([1.0])) == ""
+    assert said.too_stiff(np.array([np.nan]), np.array([np.nan])) == ""
+    text = said.too_stiff(np.array([0.967, 1.0]), np.array([0.493, 1.0]))
+    # a coarse mesh is too stiff without locking, whatever ν
+    assert text.startswith("the mesh is too stiff (coarse, or locking for ν near ½)")
+    assert "up to 1.96 times" in text

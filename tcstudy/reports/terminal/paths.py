@@ -14,6 +14,7 @@ from tcstudy.data.files import SHORTFALLS
 from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES, PointStatus
 from tcstudy.reports import sentences
+from tcstudy.reports.rounding import line_floor
 from tcstudy.reports.select_point import axis_symbol, describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
 from tcstudy.reports.symbols import symbol
@@ -304,25 +305,33 @@ def _path(data: Any, unit: Unit) -> Iterator[str]:
     start, end = data.attrs["parameter_range"]
     low, high = _range(data)
     t, vertices = data["parameter"].values, folds_of(data)
-    reach = unit.text(t.min(), t.max())
-    yield f"  Path along {data.attrs['parameter']} from {unit.text(start, end)}, reaching {reach}"
+    yield f"  Path along {data.attrs['parameter']} from {unit.text(start, end)}"
     yield f"  {_sizes(data)}; {_softening(data)}"
     lost_digits = digits_lost(float(data.get("lambda_1_error", 0.0)))
     if lost_digits:
         yield f"  {lost_digits}"
     segments, stable = data.sizes["piece"], np.count_nonzero(data["stable"].values)
-    folds = counted(len(vertices), "fold")
-    inside = np.count_nonzero((t[vertices] >= low) & (t[vertices] <= high))
     residual = number(float(data["residual"].max()), 2)
-    yield (
-        f"  {segments} segments ({stable} stable), {folds}, {inside} of the folds in the range, "
-        f"worst residual {residual}"
-    )
+    yield f"  {segments} segments ({stable} stable), worst residual {residual}"
+    if len(vertices):
+        inside = np.count_nonzero((t[vertices] >= low) & (t[vertices] <= high))
+        least = f"turns by at least {sentences.percent(MIN_FOLD)} of the range"
+        yield f"  {counted(len(vertices), 'fold')} ({least}), {inside} in the range"
     law_error = float(data["law_error"])
     if law_error > 0.0:
         yield f"  the law is replaced by linear segments, relative error {number(law_error, 1)}"
-    yield f"  begins at {unit.text(t[0])}: {data.attrs['begin_reason']}"
-    yield f"  ends at {unit.text(t[-1])}: {data.attrs['end_reason']}"
+    yield from _ends(data, unit)
+
+
+def _ends(data: Any, unit: Unit) -> Iterator[str]:
+    """Yield where the path ends, which may be beyond its range, and why."""
+    t = data["parameter"].values
+    reasons = str(data.attrs["begin_reason"]), str(data.attrs["end_reason"])
+    if reasons[0] == reasons[1]:
+        yield f"  followed both ways, to {unit.text(t[0])} and to {unit.text(t[-1])}: {reasons[0]}"
+    else:
+        yield f"  followed backwards to {unit.text(t[0])}: {reasons[0]}"
+        yield f"  followed forwards to {unit.text(t[-1])}: {reasons[1]}"
 
 
 def _softening(data: Any) -> str:
@@ -430,7 +439,8 @@ def _loop(data: Any, unit: Unit) -> str:
     drop = with_unit(float(largest["jump_drop"]), units)
     direction = "rising" if int(largest["jump_rising"]) else "falling"
     place = f"{unit.text(largest['jump_parameter'])} ({direction})"
-    words += f" in {counted(jumps, 'jump')}, at most {drop} at {place}"
+    # a fold too small to be counted can cause a jump, too
+    words += f" in {counted(jumps, 'jump')} at turns of any size, at most {drop} at {place}"
     return words if int(data["loop_closed"]) else f"{words}; it does not close"
 
 
@@ -498,7 +508,7 @@ def _history_solved(data: Any, solved: Flags, complete: int) -> str:
 
 
 def _history_answer(data: Any, solved: Flags, points: Sequence[dict[str, int]]) -> list[str]:
-    """Return the largest slip with its step, lengths of the contact line, and the jumps."""
+    """Return the largest slip and the peak friction with their steps, lengths, and the jumps."""
     units = str(data["u_T_max"].attrs["units"])
     slip = np.where(solved, by_point(data["u_T_max"], data), -1.0)
     point, step = first_largest(slip)
@@ -506,13 +516,7 @@ def _history_answer(data: Any, solved: Flags, points: Sequence[dict[str, int]]) 
     jumps_words = counted(jumps, "jump") if jumps else "no jumps"
     if slip[point, step] <= 0.0:
         return ["nothing slips", jumps_words]
-    place = f"step {str(data['step_name'].values[step]) or step}"
-    cycle = int(data["cycle"].values[step])
-    if cycle > 1:
-        place += f" of cycle {cycle}"
-    words = describe(data, points[point])
-    if words:
-        place += f" ({words})"
+    place = _step_words(data, points[point], step)
     spans = dict[str, tuple[float, float]]()
     for name in LENGTHS:
         if name == "slip" or f"{name}_length" not in data:
@@ -522,7 +526,30 @@ def _history_answer(data: Any, solved: Flags, points: Sequence[dict[str, int]]) 
             spans[name] = 0.0, float(length)
     largest = f"largest slip {with_unit(float(slip[point, step]), units)} at {place}"
     lengths = sentences.slip_lengths(spans, units)
-    return [largest, ", ".join(filter(None, [lengths, jumps_words]))]
+    peak = _peak_of_histories(data, solved, points)
+    return [largest, peak, ", ".join(filter(None, [lengths, jumps_words]))]
+
+
+def _step_words(data: Any, point: dict[str, int], step: int) -> str:
+    """Return the name or number of a step, with its cycle and the labels of its point."""
+    words = f"step {str(data['step_name'].values[step]) or step}"
+    cycle = int(data["cycle"].values[step])
+    if cycle > 1:
+        words += f" of cycle {cycle}"
+    labels = describe(data, point)
+    return f"{words} ({labels})" if labels else words
+
+
+def _peak_of_histories(data: Any, solved: Flags, points: Sequence[dict[str, int]]) -> str:
+    """Return the largest friction resultant and its step; "" where all are rounding."""
+    resultant = np.abs(by_point(data["friction_resultant"], data))
+    friction = np.where(solved, resultant, 0.0)
+    point, step = first_largest(friction)
+    peak = float(friction[point, step])
+    if peak <= line_floor(data["xi"].values, data["c"].values):
+        return ""
+    total = with_unit(peak, str(data["friction_resultant"].attrs["units"]))
+    return f"peak friction {total} at {_step_words(data, points[point], step)}"
 
 
 def _history_cycles(data: Any, points: Sequence[dict[str, int]]) -> tuple[str, ...]:

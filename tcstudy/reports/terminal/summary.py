@@ -175,6 +175,9 @@ EVERY = (
     'equilibria: proved to be all, but "at least" where not; '
     "of exponential laws those of their piecewise-linear approximation, within 1e-3 of b"
 )
+SOFTENING = "ω/λ₁: below 1 the solution is unique on its mesh"
+SOFTENING_RANK = 9
+"""The column of ω/λ₁ is the first one hidden: it decides only what `certified` tells already."""
 NO_PART = "–: the law has no such part (slip length: it sticks nowhere)"
 FAILED = "failed: no solution; the numbers in (parentheses) are those of the last step"
 REGIONS = {
@@ -303,11 +306,21 @@ class _Rows:
             proofs.append(strongest if solved else without)
         notes = (CERTIFIED, FAILED) if "failed" in proofs else (CERTIFIED,)
         columns.append(TextColumn("certified", proofs, 1, notes))
+        columns += self._softening()
         if self.data.sizes["level"] > 1:
             # equilibrium may fix ∫ξ, but not the slip
             columns.append(self._change("u_T_max", "Δmax |u_T| to last level", 5))
             columns.append(self._change("friction_resultant", "Δ∫ξ to last level", 4))
         return columns
+
+    def _softening(self) -> list[TextColumn]:
+        """Return the column of ω/λ₁ if a point has it; without it λ₁ = 0 at every point."""
+        omega, lambda_1 = self.values("omega"), self.values("lambda_1")
+        has_ratio = self.solved & (lambda_1 > 0.0)
+        ratio = np.divide(omega, lambda_1, out=np.full(len(omega), np.nan), where=has_ratio)
+        if np.isnan(ratio).all():
+            return []
+        return [quantity("ω/λ₁", ratio, digits=3, rank=SOFTENING_RANK, notes=(SOFTENING,))]
 
     def _equilibria(self) -> list[str]:
         names = ("solutions", "stable_solutions", "complete")
@@ -449,14 +462,14 @@ def _limits(data: Any) -> Iterator[str]:
 
 
 def _of_the_body(fine: Any) -> list[str]:
-    """Return what is proved of the body itself, and whether the mesh locks."""
+    """Return what is proved of the body itself, and whether the mesh is too stiff."""
     low, high = fine["lambda_1_low"].values.ravel(), fine["lambda_1_high"].values.ravel()
     mesh, dual = fine["lambda_1"].values.ravel(), fine["lambda_1_dual"].values.ravel()
     is_unique = fine["proved_unique"].values.ravel() == 1
     units = fine["lambda_1_low"].attrs["units"]
     guarantee = str(fine.attrs.get(GUARANTEE, ""))
     proved = sentences.of_the_body(low, high, is_unique, units, guarantee)
-    return [proved, sentences.locks(mesh, dual)]
+    return [proved, sentences.too_stiff(mesh, dual)]
 
 
 def _point(data: Any, place: Any) -> str:

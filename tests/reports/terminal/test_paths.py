@@ -6,12 +6,15 @@ import xarray as xr
 from tcstudy.data.reading import asked, load_root
 from tcstudy.reports.terminal.paths import (
     Unit,
+    _ends,
     _loop,
     equilibria_by_interval,
     folds_of,
+    history_verdict,
     path_verdict,
     sentences_of,
 )
+from tcstudy.reports.text import with_unit
 from tests.reports.conftest import Stored
 
 
@@ -107,7 +110,7 @@ def test_the_largest_jump_of_a_loop_is_named() -> None:
     jumps = {"jump_parameter": t, "jump_rising": (t < 2.5).astype(int), "jump_drop": t}
     data = xr.Dataset({name: ("jump", values) for name, values in jumps.items()})
     data = data.assign(energy_lost=((), 30.0, {"units": "J m-1"}), loop_complete=1, loop_closed=1)
-    told = "hysteresis loop: 30 J m⁻¹ lost in 15 jumps, at most 2.5 J m⁻¹ at 2.5 (falling)"
+    told = "hysteresis loop: 30 J m⁻¹ lost in 15 jumps at turns of any size, at most 2.5 J m⁻¹ at 2.5 (falling)"
     assert _loop(data, Unit(1.0, "")) == f"  {told}"
     assert _loop(data.assign(loop_closed=0), Unit(1.0, "")) == f"  {told}; it does not close"
 
@@ -123,4 +126,31 @@ def test_a_load_of_a_history_is_no_number_that_was_asked_for() -> None:
     names = ("force_x", "force_end_x")
     assert asked(xr.Dataset(dict.fromkeys(names, 0.0), attrs={"loads": "force_x theta"})) == [
         "force_end_x"
+    ]
+
+
+def test_a_history_names_its_peak_friction_and_its_step(stored: Stored) -> None:
+    data = load_root(stored("history"))
+    friction = np.abs(data["friction_resultant"].values)
+    peak = friction.max()
+    steps = np.argwhere(friction >= (1.0 - 1e-9) * peak)[:, -1]
+    names = [str(data["step_name"].values[step]) or str(step) for step in steps]
+    [sentence] = [fact for fact in history_verdict(data).answer if "peak friction" in fact]
+    assert with_unit(peak, str(data["friction_resultant"].attrs["units"])) in sentence
+    assert any(f"at step {name}" in sentence for name in names)
+    without = data.assign(friction_resultant=0.0 * data["friction_resultant"])
+    assert not any("peak" in fact for fact in history_verdict(without).answer)
+
+
+def test_both_ends_of_a_path_are_told_with_their_reasons() -> None:
+    """Equal reasons once; the start of a path beyond its range is an end like the other."""
+    data = xr.Dataset({"parameter": ("vertex", [-1.2, 0.0, 3.0])})
+    data.attrs |= {"begin_reason": "range", "end_reason": "range"}
+    assert [*_ends(data, Unit(1.0, "mm"))] == [
+        "  followed both ways, to -1.2 mm and to 3 mm: range"
+    ]
+    data.attrs["end_reason"] = "stuck"
+    assert [*_ends(data, Unit(1.0, "mm"))] == [
+        "  followed backwards to -1.2 mm: range",
+        "  followed forwards to 3 mm: stuck",
     ]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tcstudy.data.reading import load_root
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports.terminal.summary import text_of
@@ -12,6 +13,7 @@ from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.solver_plan import SolverPlan
 from tcstudy.scene.study import Axis, OutputPlan, Study
 from tests.data.by_points import PointRecord, write
+from tests.reports.conftest import Stored
 
 ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
 S = np.linspace(0.0, 1.0, 3)
@@ -139,3 +141,16 @@ def test_what_rounding_limits_is_one_line(tmp_path: Path) -> None:
         "limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where "
     )
     assert all(words in line for words in ("rounding alone allows 0.00011", "alpha = 3"))
+
+
+def test_the_softening_of_a_point_stands_beside_its_proof(stored: Stored) -> None:
+    """ω/λ₁ of every point, as the file has both; below 1 the solution is unique."""
+    data = load_root(stored("block"))
+    omega, lambda_1 = (data[name].values[..., -1].ravel() for name in ("omega", "lambda_1"))
+    table = text_of(stored("block"))
+    rows = [line.split() for line in table.partition("the finest:")[2].splitlines()]
+    heading = next(row for row in rows if "ω/λ₁" in row)
+    numbers = rows[rows.index(heading) + 2 :][: len(omega)]
+    for row, ratio in zip(numbers, omega / lambda_1, strict=True):
+        assert f"{ratio:.3g}" in row
+        assert "unique" in row or ratio >= 1.0
