@@ -23,9 +23,10 @@ from tcstudy.laws.laws import Laws
 Array = NDArray[np.float64]
 
 MAX_RESIDUAL = 1e-6
-"""Largest inclusion residual of an equilibrium of a loose body, however much rounding allows."""
-MAX_IMBALANCE = 0.5
-"""Largest part of the load along a motion that friction may leave without balance."""
+"""Largest inclusion residual of an equilibrium of a loose body, however much rounding allows.
+
+As much of the forces along a motion may be left without balance.
+"""
 REMEDY = "pull by a displacement (a rigid edge with u_x or u_y), or lower the load"
 
 
@@ -42,14 +43,17 @@ def judged(
     low, high = laws.interval(answers.v)
     friction = np.clip(answers.xi, c * low, c * high) @ motions.T
     size = laws.b_scale * (np.abs(motions) @ c)
-    is_balanced = np.abs(push - friction) <= MAX_IMBALANCE * np.abs(push) + MAX_RESIDUAL * size
+    is_balanced = np.abs(push - friction) <= MAX_RESIDUAL * (np.abs(push) + size)
     is_solution = answers.status == Status.CONVERGED
     is_solution &= answers.inclusion_residual <= MAX_RESIDUAL
     is_solution &= np.all(is_balanced, axis=1)
-    excess = np.max(np.abs(push) / np.maximum(strength, np.finfo(float).tiny), axis=1)
+    excess = np.where(push == 0.0, 0.0, np.inf)
+    is_finite = strength > MAX_RESIDUAL * np.abs(push)
+    np.divide(np.abs(push), strength, out=excess, where=is_finite)
+    most = np.max(excess, axis=1)
     reasons = list(answers.reason)
     for row in np.flatnonzero(~is_solution).tolist():
-        reasons[row] = _reason(words, float(excess[row]))
+        reasons[row] = _reason(words, float(most[row]))
     status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
     certificate = answers.certificate
     if certificate is not None:
@@ -78,8 +82,8 @@ def step_reason(words: str, reason: str) -> str:
 
 def _reason(words: str, excess: float) -> str:
     """Return why there is no equilibrium. excess: load over the largest force of friction"""
-    if not np.isfinite(excess) or excess > 1.0 / MAX_RESIDUAL:
-        return f"it can {words}, and no friction resists that: {REMEDY}"
+    if not np.isfinite(excess):
+        return f"it can {words}, and no friction resists that; {REMEDY}"
     if excess > 1.0:
         fault = (
             f"it can {words}: the load along that is {excess:.3g} times what friction can resist"

@@ -5,12 +5,15 @@ Bar:   D s″ = b(s) on (0, L), s(0) = 0, s′(L) = α ΔT, the free end; s is t
        s is a polynomial (k = 0), hyperbolic (k > 0) or trigonometric (k < 0), and with κ = k/D and the slopes p₀, p₁ at
        its ends the piece is as long as  x = (2/√κ) artanh(√κ (s₁ − s₀)/(p₀ + p₁)). One unknown is left: how far the
        bar sticks, or the slope at s = 0. As H → 0 the strip of a study becomes this bar.
+Lap:   the bar of a bilinear bond in closed form (Volkersen, Luftfahrtforschung 15 (1938) 41; Yuan et al., Eng. Struct.
+       26 (2004) 553)
 Ring:  a < r < R, no volume change: u_φ = A r + B/r (Timoshenko & Goodier, Theory of Elasticity, §27), so that the shaft
        feels  ξ = K (U a/R − s),  K = 2μ/(a (1 − a²/R²)), where U is the displacement of the outer edge
 """
 
 import cmath
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,3 +83,62 @@ def ring_slip(
         if slip <= s1:
             return float(slip), float(push - stiffness * slip)
     raise AssertionError("no piece holds it")
+
+
+@dataclass(frozen=True)
+class LapStrip:
+    """A bar on a bilinear bond that nothing else restrains, pulled by a force at x = L [N/m].
+
+    D u″ = b(u), u′(0) = 0, D u′(L) = F: elastic up to x = a, softening beyond, in one piece each.
+    """
+
+    stiffness: float
+    length: float
+    tau: float
+    s0: float
+    sf: float
+
+    @property
+    def rate(self) -> float:
+        """λ of the elastic branch [1/m]."""
+        return (self.tau / self.s0 / self.stiffness) ** 0.5
+
+    @property
+    def softens_from(self) -> float:
+        return self.tau / self.rate * np.tanh(self.rate * self.length)
+
+    @property
+    def long_peak(self) -> float:
+        """√(2 G_f D), the peak of a bond that is long."""
+        return (self.tau * self.sf * self.stiffness) ** 0.5
+
+    def slip(self, force: float, at: Array) -> Array:
+        """Return u at places `at` on the branch from rest, below the peak [m]."""
+        if force <= self.softens_from:
+            root = self.rate
+            scale = force / (self.stiffness * root * np.sinh(root * self.length))
+            return scale * np.cosh(root * at)
+        least = self.length - np.pi / 2.0 / self._soft_rate
+        places = np.linspace(max(0.0, least), self.length, 2_001)
+        forces = np.array([self._tip(a)[0] for a in places])
+        after_peak = int(np.argmax(forces))
+        a = brentq(lambda a: self._tip(a)[0] - force, places[after_peak], self.length, xtol=1e-15)
+        root = self.rate
+        elastic = self.s0 * np.cosh(root * at) / np.cosh(root * a)
+        return np.where(at <= a, elastic, self._softening(a, at)[0])
+
+    def _tip(self, a: float) -> tuple[float, float]:
+        slip, slope = self._softening(a, np.array(self.length))
+        return self.stiffness * float(slope), float(slip)
+
+    @property
+    def _soft_rate(self) -> float:
+        return float((self.tau / (self.sf - self.s0) / self.stiffness) ** 0.5)
+
+    def _softening(self, a: float, at: Array) -> tuple[Array, Array]:
+        """Return u and u′ where the bond softens, behind x = a."""
+        mu = self._soft_rate
+        rest, slope = self.sf - self.s0, self.rate * self.s0 * np.tanh(self.rate * a)
+        phase = mu * (at - a)
+        slip = self.sf - rest * np.cos(phase) + slope / mu * np.sin(phase)
+        return slip, mu * rest * np.sin(phase) + slope * np.cos(phase)
