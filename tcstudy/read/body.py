@@ -296,11 +296,12 @@ def supports_fault(
 
 
 def loose_faults(
-    motions: RigidMotions | None, mesh: MeshPlan, path: PathPlan | None
+    motions: RigidMotions | None, mesh: MeshPlan, path: PathPlan | None, is_live: bool = False
 ) -> Iterator[LocatedFault]:
     """Yield a fault for everything that needs λ₁ > 0, where contact alone restrains the body.
 
     motions: those that the supports leave, None of a body from a file
+    is_live: whether a page is to solve points by itself
     """
     if not motions:
         return
@@ -312,6 +313,8 @@ def loose_faults(
         yield ("mesh", "guarantee"), f"the continuous problem has no certificate: {reason}", remedy
     if path is not None and path.complete:
         yield ("path", "complete"), f"branches cannot be proved to be all: {reason}", remedy
+    if is_live:
+        yield ("output", "live"), f"a live page knows supports and springs alone: {reason}", remedy
 
 
 def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:

@@ -302,11 +302,13 @@ class SceneReader:
                 self.ctx.errors.point = point
                 self.ctx.at(node, *fault)
 
-    def loose_faults(self, mesh: MeshPlan, path: PathPlan | None) -> Iterator[LocatedFault]:
+    def loose_faults(
+        self, mesh: MeshPlan, path: PathPlan | None, is_live: bool
+    ) -> Iterator[LocatedFault]:
         """Yield what a study asks for and a body that friction alone restrains does not have."""
         for _, boundary, _ in self.supported.values():
             if self.body is not None and not is_clamped(boundary):
-                yield from loose_faults(motions_of_body(self.body, boundary), mesh, path)
+                yield from loose_faults(motions_of_body(self.body, boundary), mesh, path, is_live)
 
     def _contact_lines(self) -> dict[str, list[Edge]]:
         """Return the edges of an outline in contact, by name, and all by the name ""."""

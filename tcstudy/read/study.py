@@ -158,7 +158,8 @@ def _one_body(
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
         output = replace(output, sensitivity=read_sensitivity(ctx, node, reader, exact, history))
     if mesh is not None and not ctx.errors.problems:
-        for keys, fault, remedy in reader.loose_faults(mesh, path):
+        is_live = output is not None and output.live
+        for keys, fault, remedy in reader.loose_faults(mesh, path, is_live):
             ctx.at(root.nearest(*map(str, keys)), fault, remedy)
     fit = None
     if root.at("fit") and not ctx.errors.problems:

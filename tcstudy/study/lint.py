@@ -712,7 +712,7 @@ def _of_supports(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:
             yield ("boundary",), *fault
         elif not is_clamped(boundary):
             motions = motions_of_geometry(geometry, boundary)
-            yield from loose_faults(motions, study.mesh, study.path)
+            yield from loose_faults(motions, study.mesh, study.path, study.output.live)
 
 
 def _of_sizes(study: Study, geometry: Geometry) -> Iterator[LocatedFault]:

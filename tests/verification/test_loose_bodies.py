@@ -201,6 +201,7 @@ def test_a_ring_on_its_shaft_turns_when_the_torque_exceeds_that_of_friction(
         ("mesh.guarantee=polygon", "mesh.guarantee"),
         ("mesh={maxh: 4 mm, tolerance: 0.1, of: error_bound}", "mesh.of"),
         ("path={parameter: load, from: 0, to: 1, complete: true}", "path.complete"),
+        ("output={live: true}", "output.live"),
     ],
 )
 def test_proofs_that_need_supports_are_refused_with_the_motion(change: str, key: str) -> None:
