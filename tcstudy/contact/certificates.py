@@ -244,7 +244,7 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     """Return (low, high), (R, m) each: every solution of a row lies between them [m].
 
     Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that
-    stop shrinking drop out.
+    stop shrinking drop out. At a ray the traction is bounded by what the box allows.
     """
     body = rows.body
     c = body.c
@@ -257,10 +257,17 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     low = -high
     absolute_inverse = np.abs(body.inverse)
     frictionless = rows.l_tilde @ body.inverse
+    if rows.law.has_rays:
+        low, high = _boxes_of_openings(rows, frictionless, low, high)
     active = np.arange(len(high))
     for _ in range(_MAX_BOX_ROUNDS):
         old_low, old_high = low[active], high[active]
-        least, largest = value_range(rows.law.of_nodes(active), old_low, old_high)
+        laws = rows.law.of_nodes(active)
+        least, largest = value_range(laws.without_rays, old_low, old_high)
+        if laws.has_rays:
+            pressure = largest_pressure(rows.take(active), old_low, old_high)
+            is_on_ray = laws.is_closed & (old_low <= laws.admissible(old_low))
+            least = np.where(is_on_ray, np.minimum(least, -pressure), least)
         middle = c * (0.5 * (largest + least))
         radius = c * (0.5 * (largest - least))
         # rounding goes through the same product: row sums of |Ã⁻¹| would be far too much for
@@ -279,6 +286,42 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
         if not len(active):
             break
     return low, high
+
+
+def _boxes_of_openings(
+    rows: ContactProblem, frictionless: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """Return boxes (R, m) between the ends of the domains, and those of the energy by node.
+
+    Where no law pushes, vᵀÃv ≤ l̃ᵀv: v is in an ellipsoid about half the frictionless solution.
+    """
+    body = rows.body
+    if not np.any(largest_push(rows.law)[rows.law.index]):
+        work = np.einsum("ri,ri->r", rows.l_tilde, frictionless)
+        compliance = np.maximum(np.diagonal(body.inverse), 0.0)
+        reach = 0.5 * np.sqrt(np.maximum(work, 0.0)[:, None] * compliance)
+        size = np.abs(rows.l_tilde) @ np.abs(body.inverse)
+        reach = (1.0 + 1e-6) * reach + (1e-6 + body.rounding) * size
+        low = np.maximum(low, 0.5 * frictionless - reach)
+        high = np.minimum(high, 0.5 * frictionless + reach)
+    low = rows.law.admissible(low)
+    return low, np.maximum(low, high)
+
+
+def largest_pressure(rows: ContactProblem, low: Array, high: Array) -> Array:
+    """Return bounds (R, m) of −ξ_i/c_i for points of boxes whose node i is on its ray [Pa].
+
+    −ξ_i = Ã_ii v_i + Σ_{j≠i} Ã_ij v_j − l̃_i, and v_i is the ray's slip.
+    """
+    A = rows.body.A_tilde
+    diagonal = np.diagonal(A)
+    others = A - np.diag(diagonal)
+    end = rows.law.admissible(np.full(low.shape, -np.inf))
+    own = diagonal * np.where(np.isfinite(end), end, 0.0)
+    pull = high @ np.maximum(others, 0.0) + low @ np.minimum(others, 0.0)
+    size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(A) + np.abs(rows.l_tilde)
+    rounding = 4.0 * (rows.m + 8) * EPS * size
+    return np.asarray((own + pull - rows.l_tilde + rounding) / rows.c)
 
 
 def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: float) -> Array:
@@ -373,14 +416,33 @@ def least_slopes(laws: Laws, low: Array, high: Array) -> Array:
 def largest_push(laws: Laws) -> Array:
     """Return (L,) sup over s of −sign(s) b(s), at least 0 [Pa].
 
-    Friction may push the slip on with so much traction. It is finite by (15).
+    Friction may push the slip on with so much traction. It is finite by (15). A law with a ray has
+    slips to one side alone, and on its ray no slip.
     """
+    if laws.has_rays:
+        return _push_off_kinks(laws.tables)
     reach = far(laws)
     zero = np.zeros(len(reach))
     all_laws = laws.tables.at(np.arange(len(reach)))
     least, _ = value_range(all_laws, zero, reach)
     _, largest = value_range(all_laws, -reach, zero)
     return np.maximum(0.0, np.maximum(-least, largest))
+
+
+def _push_off_kinks(tables: Laws) -> Array:
+    """Return (L,) the largest push of laws of which some have rays, jumps at 0 left out [Pa]."""
+    reach = far(tables)[:, None]
+    push = np.zeros(len(reach))
+    for sign in (1.0, -1.0):
+        bounds = np.sort([np.zeros(reach.shape), sign * reach], axis=0)
+        low = np.clip(tables.lower, *bounds)
+        high = np.clip(tables.upper, *bounds)
+        turns = np.clip(np.nan_to_num(_turns(tables)), low, high)
+        is_side = (low < high) & ~tables.outside
+        for s in (low, high, turns):
+            against = np.where(is_side, -sign * tables.value(s, tables.addresses), 0.0)
+            push = np.maximum(push, np.max(against, axis=1))
+    return push
 
 
 def far(laws: Laws) -> Array:
@@ -520,7 +582,10 @@ class Proofs:
             rows = self.rows.take(open_rows)
             low, high = solution_boxes(rows)
             self.low[open_rows], self.high[open_rows] = low, high
-            self.unique[open_rows] = definite(body, least_slopes(rows.law, low, high))
+            slopes_of_box = least_slopes(rows.law, low, high)
+            if rows.law.has_rays:  # a node that cannot leave its ray is fixed
+                slopes_of_box = np.where(low < high, slopes_of_box, _rigid_slope(body))
+            self.unique[open_rows] = definite(body, slopes_of_box)
 
     def prove_lowest(self, points: Index, v: Array) -> None:
         """Prove that solutions v (R, m) of these points, unless unique, are global minima."""
@@ -640,6 +705,11 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
     return proved
 
 
+def _rigid_slope(body: CondensedBody) -> float:
+    """Return the slope of a rigid support, for bounds that are infinite [Pa/m]."""
+    return float(1e6 * np.max(np.diagonal(body.A_tilde) / body.c))
+
+
 def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> Flags:
     """Return (R,) whether v is proved to be a global minimum.
 
@@ -653,6 +723,8 @@ def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> F
     low, high = np.minimum(low, v), np.maximum(high, v)
     parts = PARTS if law.piecewise_linear else FIRST_PARTS
     upper, lower = bends_below_tangent(law, v, zeta, low, high, parts)
+    rigid = _rigid_slope(body)
+    upper = np.where(np.isneginf(upper), -rigid, upper)  # the node cannot leave its ray
     proved = np.all(np.isfinite(upper), axis=1)
     open_rows = np.flatnonzero(proved)
     proved[open_rows] = definite(body, -upper[open_rows])
@@ -660,8 +732,6 @@ def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> F
         return proved
 
     open_rows = open_rows[~proved[open_rows]]
-    # bounds of −∞ count as a rigid support, since the test needs finite numbers
-    rigid = 1e6 * np.max(np.diagonal(body.A_tilde) / body.c)
     open_rows = open_rows[definite(body, -np.maximum(lower[open_rows], -rigid))]
     row, node = np.nonzero(lower[open_rows] < upper[open_rows])
     row = open_rows[row]

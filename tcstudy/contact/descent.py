@@ -110,6 +110,7 @@ def descend(
               downhill, over no barrier (Armijo's rule takes any lower point, also one behind a
               barrier); for laws of straight pieces
     """
+    start = rows.law.admissible(start)
     ended = _descend(rows, start, tolerance, minima, downhill)
     if not minima:
         return ended
@@ -236,6 +237,7 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
             length = 1.0
         if halving in (0, _NEWTON_HALVINGS + 1):
             slope = np.where(d > 0.0, s.right, s.left)
+            slope[d == 0.0] = 0.0  # at a ray it is infinite
             stop = rows.law.next_up_jump(s.at, d)
         tried = rows if halving == 0 else rows.take(waiting)
         x = v[waiting]
@@ -346,7 +348,7 @@ def _first_rest(
     """
     law, c = problem.law, problem.c
     step = target - v
-    piece = np.where(step > 0.0, law.piece(v, +1), law.piece(v, -1))
+    piece = np.where(step < 0.0, law.piece(v, -1), law.piece(v, +1))
     bend = _bend(problem, v, piece, step)
     if np.any(step) and not bend > 0.0:
         target = _end_of_pieces(law, piece, v, target)

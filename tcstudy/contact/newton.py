@@ -404,6 +404,7 @@ def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple
         direction = np.zeros(body.m)
         direction[nodes] = curvature
         slope = np.where(direction > 0.0, s.right[i], s.left[i])
+        slope[direction == 0.0] = 0.0  # at a ray it is infinite
         if float(slope @ direction) > 0.0:
             direction = -direction
         upper, lower = law.upper.take(piece[i]), law.lower.take(piece[i])
@@ -468,7 +469,8 @@ class _Elements:
     nothing.
 
     s, h, gamma: as in the head of this file; h is infinite for outer pieces
-    sign:        −1 for the outer piece on the left, whose slip counts to the left
+    sign:        −1 for the outer piece on the left, whose slip counts to the left, and for a ray,
+                 a jump without a cap
     kink:        of an up-jump its index, −1 for a piece
     slope:       (m,) least slope of b_↑
     """
@@ -487,11 +489,13 @@ def _elements(laws: Laws, index: Index) -> _Elements:
     is_outer = ~(np.isfinite(low) & np.isfinite(high))
     start, end = np.where(is_outer, laws.s_0, low), np.where(is_outer, laws.s_0, high)
     width = np.where(is_outer, 1.0, end - start)
-    rise = laws.value(end, laws.addresses) - laws.value(start, laws.addresses)
+    with np.errstate(invalid="ignore"):  # to the left of a ray
+        rise = laws.value(end, laws.addresses) - laws.value(start, laws.addresses)
     slope = np.maximum(np.where(laws.bent & ~is_outer, rise / width, laws.q), 0.0)
     least = np.min(slope, axis=1, keepdims=True)
     extra = np.where(slope > least, slope - least, 1.0)
     is_jump = laws.kinds == UP
+    is_ray = laws.outside[:, :-1]
     is_steeper = (slope > least) & (low < high)
     is_element = np.append(is_jump, is_steeper, axis=1)
     is_used = np.any(is_element[np.unique(index)], axis=0)
@@ -506,7 +510,7 @@ def _elements(laws: Laws, index: Index) -> _Elements:
         s=column(laws.kinks, np.where(np.isfinite(low), low, high), 0.0),
         h=column(laws.b_right - laws.b_left, np.where(is_outer, np.inf, extra * width), b_scale),
         gamma=column(0.0, 1.0 / extra, 0.0),
-        sign=column(1.0, np.where(np.isfinite(low), 1.0, -1.0), 0.0),
+        sign=column(np.where(is_ray, -1.0, 1.0), np.where(np.isfinite(low), 1.0, -1.0), 0.0),
         kink=column(np.arange(is_jump.shape[1]), -1.0, -1.0),
         slope=least[index, 0],
     )
@@ -522,7 +526,8 @@ def _rest_of_law(problem: ContactProblem, v: Array, elements: _Elements) -> Arra
     s, h, gamma, sign = elements.s, elements.h, elements.gamma, elements.sign
     with np.errstate(divide="ignore", invalid="ignore"):
         of_piece = np.clip(sign * (v - s) / gamma, 0.0, h)
-    of_jump = np.where(elements.kink < piece_of_law, h, 0.0)
+    is_passed = (elements.kink < piece_of_law) & (sign > 0.0)
+    of_jump = np.where(is_passed, h, 0.0)
     force = np.where(gamma > 0.0, of_piece, of_jump)
     rising: Array = elements.slope * v + np.sum(sign * force, axis=0)
     return law.value(v, piece) - rising
@@ -571,13 +576,15 @@ class _ConvexModel:
         # e goes with x⁻ and, where there is a cap, h − e with x⁺
         self.is_pair = np.stack([np.ones(elements.h.shape), self.is_capped])
         self.pairs_per_element = 1.0 + float(np.mean(self.is_capped))
+        largest_cap = float(np.max(np.abs(elements.h[self.is_capped]), initial=0.0))
+        self.size = largest_cap or problem.traction_scale or 1.0
 
     def start(self, v: Array) -> _Point:
         """Return the point of forces at half their caps, and gaps that no step is to cross."""
         s, h = self.elements.s, self.elements.h
         gamma, sign = self.elements.gamma, self.elements.sign
         is_capped, problem = self.is_capped, self.problem
-        size = float(np.max(np.abs(h[is_capped]), initial=0.0)) or problem.traction_scale
+        size = self.size
         largest_load = np.max(np.abs(problem.l_tilde) + problem.c * size)
         reach = float(largest_load / np.min(_diagonal(self.matrix)))
         if not np.isfinite(reach):
@@ -630,7 +637,8 @@ class _ConvexModel:
 
     def on_jumps(self, point: _Point) -> Array:
         """Return w (m,), put to the bit on the jumps whose force is inside its range."""
-        s, h = self.elements.s, self.elements.h
+        s = self.elements.s
+        h = np.where(self.is_capped, self.elements.h, self.size)
         w = point.w
         reach = max(np.max(np.abs(w - s)), np.finfo(float).tiny)
         sticks = np.all(point.gaps < point.forces / h * reach, axis=0)

@@ -377,7 +377,7 @@ class ContactProblem:
         return self.relative(np.maximum(distance + error, 0.0), xi)
 
     def scale(self, xi: Array) -> Any:
-        """Return the scale of b [Pa].
+        """Return the scale of b, its rays left out [Pa].
 
         That of the law; without one the largest of loads and of ξ per length, or b(0), or 1.
         """
@@ -386,7 +386,7 @@ class ContactProblem:
             return of_law
         tractions = np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c
         largest = np.max(tractions, axis=-1, initial=0.0)
-        low, high = self.law.interval(np.zeros(self.l_tilde.shape))
+        low, high = self.law.without_rays.interval(np.zeros(self.l_tilde.shape))
         sizes = np.maximum(np.abs(low), np.abs(high))
         b_0 = np.max(sizes, axis=-1, initial=0.0)
         otherwise = np.where(largest > 0.0, largest, np.where(b_0 > 0.0, b_0, 1.0))

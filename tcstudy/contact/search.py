@@ -155,7 +155,7 @@ def _samples(tables: Laws, rows: Index, kappa: float) -> tuple[Array, Index, Ind
     high = np.clip(tables.upper[rows], -reach, reach)
     share = np.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
     s = low[..., None] + share * (high - low)[..., None]
-    has_width = low < high
+    has_width = (low < high) & ~tables.outside[rows]
     is_used = np.broadcast_to(has_width[..., None], s.shape).copy()
     is_used[:, 1:, 0] &= tables.kinds[rows] != DOWN  # no tangent touches a down-jump
     law = np.broadcast_to(rows[:, None, None], s.shape)

@@ -122,8 +122,13 @@ def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> P
     first_piece = np.where(low > 0.0, right_piece, left_piece)
     last_piece = np.where(low < 0.0, left_piece, right_piece)
     v_sum, xi_sum = (v, low), (xi, xi_low)
-    first_defect, first_error = friction_defect(law.numbers(first_piece), c, v_sum, xi_sum)
-    last_defect, last_error = friction_defect(law.numbers(last_piece), c, v_sum, xi_sum)
+    first_numbers = law.numbers(law.inside(first_piece))
+    last_numbers = law.numbers(law.inside(last_piece))
+    first_defect, first_error = friction_defect(first_numbers, c, v_sum, xi_sum)
+    last_defect, last_error = friction_defect(last_numbers, c, v_sum, xi_sum)
+    if law.has_rays:
+        first_defect = np.where(law.outside.take(first_piece), -np.inf, first_defect)
+        last_defect = np.where(law.outside.take(last_piece), -np.inf, last_defect)
     least = np.minimum(first_defect, last_defect)
     largest = np.maximum(first_defect, last_defect)
     forces = np.abs(problem.l_tilde) + np.abs(problem.A_tilde) @ np.abs(v)
@@ -149,7 +154,7 @@ def identify(problem: ContactProblem, v: Array, xi: Array) -> tuple[Index, Index
     diagonal = np.diagonal(problem.A_tilde)
     place = law.locate(v)
     right_force = c * law.value(v, place.piece + place.on)
-    piece = place.toward(right_force < xi)
+    piece = law.inside(place.toward(right_force < xi))
     left_end, right_end = law.ends(piece)
     with np.errstate(divide="ignore", invalid="ignore"):
         step = (xi - c * law.value(v, piece)) / (diagonal + c * law.slope(v, piece))
@@ -184,6 +189,7 @@ def polished(problem: ContactProblem, v: Array, aim: float = 0.0, exact: bool = 
     aim:   residual that is enough
     exact: judge and step in twice the precision
     """
+    v = problem.law.admissible(v)
     point = extended(problem, v) if exact else plain(problem, v)
     best = point
     tried = set[bytes]()

@@ -370,23 +370,37 @@ class Laws(LawPieces):
         """Return slips (shape of s) with those beyond a ray put on it."""
         if not self.has_rays:
             return s
-        ends = np.where(self.closed, self.kinks[..., 0], -np.inf)
-        return np.maximum(s, self._used(ends))
+        return np.maximum(s, self._used(self._ends))
 
     @Fact
+    def _ends(self) -> Array:
+        """(…) left end of the domain of every law, −∞ without a ray [m]."""
+        return np.asarray(np.where(self.closed, self.kinks[..., 0], -np.inf))
+
+    def inside(self, piece: Index) -> Index:
+        """Return the addresses with those to the left of a ray replaced by the next ones."""
+        return piece + self.outside.take(piece) if self.has_rays else piece
+
+    @property
+    def is_closed(self) -> Flags:
+        """Which of the laws in use are closed (shape of the index)."""
+        return np.asarray(self._used(self.closed))
+
+    @property
     def without_rays(self) -> Laws:
         """The laws whose limit b(s_1 + 0) at a ray goes on to the left in its place.
 
         It is for what is asked of b beside a ray. The laws themselves where there is none.
         """
-        if not self.has_rays:
-            return self
+        return self._without_rays.at(self.index) if self.has_rays else self
+
+    @Fact
+    def _without_rays(self) -> Laws:
         b_0 = self.b_0.copy()
         s_0 = self.s_0.copy()
         b_0[..., 0] = np.where(self.closed, self.b_right[..., 0], b_0[..., 0])
         s_0[..., 0] = np.where(self.closed, self.kinks[..., 0], s_0[..., 0])
-        laws = Laws(self.name, self.kinks, s_0, b_0, *self.pieces[2:])
-        return laws.at(self.index)
+        return Laws(self.name, self.kinks, s_0, b_0, *self.pieces[2:])
 
     @Fact
     def _narrow(self) -> Flags:
