@@ -301,6 +301,7 @@ def sides_of_codes(laws: Laws) -> Index:
     kinds = laws.tables.kinds
     is_side = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
     is_side[:, 1::2] = kinds != BEND
+    is_side[:, 0] = ~laws.tables.closed  # their first side is the ray
     sides = np.cumsum(is_side, axis=-1) - 1
     return np.asarray(sides.ravel(), dtype=np.intp)
 

@@ -33,7 +33,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.certificates import energy_reach, largest_push
+from tcstudy.contact.certificates import (
+    energy_reach,
+    largest_pressure,
+    largest_push,
+    solution_boxes,
+)
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND
 
@@ -317,8 +323,15 @@ class PolygonProblems:
         kinds, kind = np.unique(index, axis=0, return_inverse=True)
         self.kind = np.broadcast_to(kind.reshape(-1), len(load))
         loads_at_ends = np.concatenate([load - self.change, load + self.change])
-        reach = reach_of(c, laws, loads_at_ends, lambda_1)
-        self.points, self.side_counts = polygons(laws, kinds, reach)
+        pressure = None
+        if laws.has_rays or not lambda_1 > 0.0:
+            body = CondensedBody.known(A, c, lambda_1=lambda_1)
+            all_laws = laws.tables.at(np.broadcast_to(index, load.shape))
+            rows = ContactProblem.on(body, load, all_laws)
+            reach, pressure = reach_of_openings(rows, np.abs(self.change))
+        else:
+            reach = reach_of(c, laws, loads_at_ends, lambda_1)
+        self.points, self.side_counts = polygons(laws, kinds, reach, pressure)
         vertex_count = self.points.shape[2]
         self.slack = SLACK * EPS * (1 + vertex_count)
         self._vertex = np.arange(vertex_count)
@@ -857,12 +870,16 @@ def _cut(line: SolutionLine) -> tuple[Flags, Flags, Index, Array]:
     return is_sure & line.is_proved, is_empty & line.is_proved, coordinate, ends
 
 
-def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:
+def polygons(
+    laws: Laws, index: Index, reach: Array, pressure: Array | None = None
+) -> tuple[Array, Index]:
     """Return (vertices (G, m, V, 2), side counts (G, m)) of filled graphs from −reach to reach.
 
-    Jumps that are rounding are left out. Short polygons repeat their end.
+    Jumps that are rounding are left out. Short polygons repeat their end. A ray is their first side,
+    from −`pressure` on.
 
-    index: (G, m) which of the laws a node has
+    index:    (G, m) which of the laws a node has
+    pressure: (m,) or (G, m) bounds of −ξ_i/c_i on rays [Pa]
     """
     inner = [_inner_vertices(law) for law in laws.laws]
     counts = np.array([len(vertices) for vertices in inner], dtype=np.intp)
@@ -872,14 +889,18 @@ def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:
         has_law = index == k
         farthest_kink = np.max(np.abs(law.kinks), initial=0.0)
         end = np.maximum(reach[has_law], 2.0 * farthest_kink)
-        first = np.stack([-end, law.value(-end, 0)], -1)
         last_piece = len(law.q) - 1
         final = np.stack([end, law.value(end, last_piece)], -1)
         rows = np.repeat(final[:, None], points.shape[2], axis=1)
-        rows[:, 0] = first
-        rows[:, 1 : 1 + len(vertices)] = vertices
+        if law.closed and pressure is not None:
+            rows[:, : len(vertices)] = vertices
+            rows[:, 0, 1] = -np.broadcast_to(pressure, index.shape)[has_law]
+        else:
+            rows[:, 0] = np.stack([-end, law.value(-end, 0)], -1)
+            rows[:, 1 : 1 + len(vertices)] = vertices
         points[has_law] = rows
-    return points, counts[index] + 1
+    side_counts = counts + 1 - np.array([law.closed for law in laws.laws])
+    return points, side_counts[index]
 
 
 def _inner_vertices(law: Laws) -> Array:
@@ -889,6 +910,30 @@ def _inner_vertices(law: Laws) -> Array:
     b = np.stack([law.b_left, law.b_right], -1)
     is_vertex = np.column_stack([np.full(len(is_jump), True), is_jump])
     return np.column_stack([s, b[is_vertex]])
+
+
+def reach_of_openings(rows: ContactProblem, change: Array) -> tuple[Array, Array]:
+    """Return (m,) bounds of |v_i| [m] and of the pressure on rays [Pa], for every solution of rows.
+
+    A body that nothing but contact holds has those of its rigid motions.
+
+    change: (m,) by how much the loads may differ from those of the rows [N/m]
+    """
+    if rows.body.lambda_1 > 0.0 and not rows.body.loose:
+        low, high = solution_boxes(rows, change)
+    else:
+        from tcstudy.contact.rigid_motions import RigidMotions
+
+        reach = [RigidMotions(rows.single(row)).reach() for row in range(len(rows.l_tilde))]
+        high = np.array(reach)
+        low = rows.law.admissible(-high)
+    reach = np.max(np.maximum(np.abs(low), np.abs(high)), axis=0)
+    pressure = np.max(largest_pressure(rows, low, high, change), axis=0)
+    # also where nothing presses a ray has some length
+    b_0 = np.max(np.abs(rows.law.without_rays.b(np.zeros(rows.l_tilde.shape))), axis=0)
+    length = np.max(np.abs(rows.l_tilde), axis=0) / rows.c + b_0
+    largest = float(np.max(length)) or 1.0
+    return 1.01 * reach, 1.01 * np.maximum(pressure, 0.01 * largest) + b_0
 
 
 def reach_of(c: Array, laws: Laws, loads: Array, lambda_1: float) -> Array:

@@ -240,8 +240,10 @@ def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Ar
     return np.where(distance == 0.0, at_v, largest)
 
 
-def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
+def solution_boxes(rows: ContactProblem, spread: Array | None = None) -> tuple[Array, Array]:
     """Return (low, high), (R, m) each: every solution of a row lies between them [m].
+
+    spread: (m,) by how much the loads may differ from those of the rows, 0 by default [N/m]
 
     Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that
     stop shrinking drop out. At a ray the traction is bounded by what the box allows.
@@ -250,6 +252,9 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     c = body.c
     load_size = np.abs(rows.l_tilde)
     load_norm = np.sqrt((rows.l_tilde / c) ** 2 @ c)
+    if spread is not None:
+        load_size = load_size + spread
+        load_norm = load_norm + np.sqrt((spread / c) ** 2 @ c)
     push_of_law = largest_push(rows.law)
     push = np.max(push_of_law[rows.law.index], axis=1)
     lambda_1 = trusted_share(body.A_error) * body.lambda_1
@@ -258,18 +263,20 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     absolute_inverse = np.abs(body.inverse)
     frictionless = rows.l_tilde @ body.inverse
     if rows.law.has_rays:
-        low, high = _boxes_of_openings(rows, frictionless, low, high)
+        low, high = _boxes_of_openings(rows, frictionless, low, high, spread)
     active = np.arange(len(high))
     for _ in range(_MAX_BOX_ROUNDS):
         old_low, old_high = low[active], high[active]
         laws = rows.law.of_nodes(active)
         least, largest = value_range(laws.without_rays, old_low, old_high)
         if laws.has_rays:
-            pressure = largest_pressure(rows.take(active), old_low, old_high)
+            pressure = largest_pressure(rows.take(active), old_low, old_high, spread)
             is_on_ray = laws.is_closed & (old_low <= laws.admissible(old_low))
             least = np.where(is_on_ray, np.minimum(least, -pressure), least)
         middle = c * (0.5 * (largest + least))
         radius = c * (0.5 * (largest - least))
+        if spread is not None:
+            radius = radius + spread
         # rounding goes through the same product: row sums of |Ã⁻¹| would be far too much for
         # slender bodies
         rounding = body.rounding * (load_size[active] + np.abs(middle) + radius)
@@ -289,7 +296,7 @@ def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
 
 
 def _boxes_of_openings(
-    rows: ContactProblem, frictionless: Array, low: Array, high: Array
+    rows: ContactProblem, frictionless: Array, low: Array, high: Array, spread: Array | None
 ) -> tuple[Array, Array]:
     """Return boxes (R, m) between the ends of the domains, and those of the energy by node.
 
@@ -297,10 +304,13 @@ def _boxes_of_openings(
     """
     body = rows.body
     if not np.any(largest_push(rows.law)[rows.law.index]):
+        change = np.zeros(body.m) if spread is None else spread
+        absolute_inverse = np.abs(body.inverse)
         work = np.einsum("ri,ri->r", rows.l_tilde, frictionless)
-        compliance = np.maximum(np.diagonal(body.inverse), 0.0)
-        reach = 0.5 * np.sqrt(np.maximum(work, 0.0)[:, None] * compliance)
-        size = np.abs(rows.l_tilde) @ np.abs(body.inverse)
+        norm = np.sqrt(np.maximum(work, 0.0)) + np.sqrt(change @ absolute_inverse @ change)
+        compliance = np.sqrt(np.maximum(np.diagonal(body.inverse), 0.0))
+        reach = 0.5 * (norm[:, None] * compliance + change @ absolute_inverse)
+        size = (np.abs(rows.l_tilde) + change) @ absolute_inverse
         reach = (1.0 + 1e-6) * reach + (1e-6 + body.rounding) * size
         low = np.maximum(low, 0.5 * frictionless - reach)
         high = np.minimum(high, 0.5 * frictionless + reach)
@@ -308,7 +318,9 @@ def _boxes_of_openings(
     return low, np.maximum(low, high)
 
 
-def largest_pressure(rows: ContactProblem, low: Array, high: Array) -> Array:
+def largest_pressure(
+    rows: ContactProblem, low: Array, high: Array, spread: Array | None = None
+) -> Array:
     """Return bounds (R, m) of −ξ_i/c_i for points of boxes whose node i is on its ray [Pa].
 
     −ξ_i = Ã_ii v_i + Σ_{j≠i} Ã_ij v_j − l̃_i, and v_i is the ray's slip.
@@ -321,6 +333,8 @@ def largest_pressure(rows: ContactProblem, low: Array, high: Array) -> Array:
     pull = high @ np.maximum(others, 0.0) + low @ np.minimum(others, 0.0)
     size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(A) + np.abs(rows.l_tilde)
     rounding = 4.0 * (rows.m + 8) * EPS * size
+    if spread is not None:
+        rounding = rounding + spread
     return np.asarray((own + pull - rows.l_tilde + rounding) / rows.c)
 
 
