@@ -62,7 +62,15 @@ if TYPE_CHECKING:
         UsageError,
         UserFault,
     )
-    from tcstudy.matrices import ContactProblem, all_solutions, certify, follow, law, solve
+    from tcstudy.matrices import (
+        ContactProblem,
+        all_solutions,
+        certify,
+        follow,
+        law,
+        opening,
+        solve,
+    )
     from tcstudy.results import Result, draw, export, open_geometry, open_results, report
 
     __version__: str
@@ -98,13 +106,14 @@ __all__ = [
     "load",
     "open_geometry",
     "open_results",
+    "opening",
     "plan",
     "report",
     "run",
     "solve",
 ]
 
-_MATRICES = ("ContactProblem", "all_solutions", "certify", "follow", "law", "solve")
+_MATRICES = ("ContactProblem", "all_solutions", "certify", "follow", "law", "opening", "solve")
 _RESULTS = ("Result", "draw", "export", "open_geometry", "open_results", "report")
 _ERROR_ENDINGS = ("Error", "Failed", "Fault", "Warning")
 

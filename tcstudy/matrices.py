@@ -26,16 +26,16 @@ from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import ContactProblem as PlainProblem
-from tcstudy.contact.solve import Answer, known_solutions, solve_contact
+from tcstudy.contact.solve import SEMIDEFINITE, Answer, known_solutions, solve_contact
 from tcstudy.errors import ProblemError
 from tcstudy.laws.composed import nodal
-from tcstudy.laws.laws import Laws
+from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import GrowthError
-from tcstudy.laws.shapes import SHAPES
+from tcstudy.laws.shapes import RIGID, SHAPES, LawError, one_sided, unilateral
 from tcstudy.scene.path_plan import Direction
 from tcstudy.scene.solver_plan import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch
 
-__all__ = ["ContactProblem", "all_solutions", "certify", "follow", "law", "solve"]
+__all__ = ["ContactProblem", "all_solutions", "certify", "follow", "law", "opening", "solve"]
 
 Array = NDArray[np.float64]
 MAX_ASYMMETRY = 1e-10
@@ -63,11 +63,33 @@ def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
         raise ProblemError(f"law {name}: {error}") from error
 
 
+def opening(law: Laws | None = None, closing: float = RIGID) -> Laws:
+    """Return the law of a row whose unknown is an opening s ≥ 0, in place of a slip.
+
+        opening()                                             # contact without adhesion
+        opening(law("bilinear", tau=2e7, s0=4e-6, sf=1.4e-5)) # an adhesive; tau is its strength
+        opening(law(…), closing=5e13)                         # a layer that gives way for s < 0
+
+    law:     b for s > 0, of `tcstudy.law`; None for contact without adhesion
+    closing: RIGID (∞) for non-penetration, b̂(0) = (−∞, b(0+)]; a stiffness for b = closing × s at
+             s < 0 [Pa/m]
+
+    Raises ProblemError for a closing that is not above 0.
+    """
+    if law is None and closing == RIGID:
+        return unilateral()
+    try:
+        return one_sided(NONE if law is None else law, closing)
+    except LawError as error:
+        raise ProblemError(str(error)) from error
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem(PlainProblem):
     """The problem 0 ∈ Ãv − l̃ + ∂Ψ(v), Ψ(v) = Σ c_i j(v_i), for tangential displacements v (m,).
 
-    A_tilde: (m, m) symmetric positive definite, stiffness condensed onto the contact nodes [Pa]
+    A_tilde: (m, m) symmetric positive definite, stiffness condensed onto the contact nodes [Pa];
+             semidefinite where contact alone holds the body
     l_tilde: (m,) condensed load [N/m]
     c:       (m,) length of Γ_C that belongs to each node, > 0 [m]
     law:     friction law b [Pa] of the slip [m], of `tcstudy.law`, or a list of m laws, one per
@@ -76,8 +98,13 @@ class ContactProblem(PlainProblem):
     The arrays are copied. Ã is symmetrised where it is asymmetric by rounding only. The problem has
     `energy(v)`, `xi(v)`, `inclusion_residual(v)` and `lambda_1` (method §5).
 
+    A row may be an opening: its law then is one of `tcstudy.opening`. Where a semidefinite Ã resists
+    a motion r = N y not, the load must be against it, or less than what the laws carry: else the
+    answer's status is UNBOUNDED, and its reason says what moves. Then λ₁ = 0, and nothing that rests
+    on λ₁ is proved.
+
     Raises ProblemError for shapes that do not fit, numbers that are not finite, c ≤ 0, and an
-    asymmetric, singular or indefinite Ã.
+    asymmetric or indefinite Ã.
     """
 
     def __post_init__(self) -> None:
@@ -277,9 +304,10 @@ def _vector(name: str, value: object, m: int | None) -> Array:
 
 
 def _stiffness(value: object, m: int) -> Array:
-    """Return Ã, symmetric and positive definite. Raises ProblemError.
+    """Return Ã, symmetric and positive definite or semidefinite. Raises ProblemError.
 
-    Both are judged after its diagonal is scaled to 1, so that units do not matter.
+    Both are judged after its diagonal is scaled to 1, so that units do not matter. A semidefinite
+    one is of a body that contact alone holds.
     """
     A = _finite_array("A_tilde", value, "(m, m)")
     if A.shape != (m, m):
@@ -302,7 +330,9 @@ def _stiffness(value: object, m: int) -> Array:
         scipy.linalg.cholesky(symmetric, lower=True)
     except scipy.linalg.LinAlgError:
         least = float(scipy.linalg.eigvalsh(symmetric, subset_by_index=[0, 0])[0])
+        if least >= -SEMIDEFINITE:
+            return 0.5 * (A + A.T)
         eigenvalue = f"smallest eigenvalue {least:.1e} with its diagonal scaled to 1"
-        remedy = "the body must be restrained, with the sign of a stiffness"
+        remedy = "it must have the sign of a stiffness"
         raise ProblemError(f"A_tilde is not positive definite ({eigenvalue}); {remedy}") from None
     return 0.5 * (A + A.T)

@@ -28,7 +28,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.boxes import Cells, Limits, PolygonProblems, reach_of
+from tcstudy.contact.boxes import Cells, Limits, PolygonProblems, reach_of, reach_of_openings
 from tcstudy.contact.certificates import strict_minimum
 from tcstudy.contact.curves import Found, GraphPart, Parts, ties
 from tcstudy.contact.problem import CondensedBody, ContactProblem
@@ -119,9 +119,40 @@ def of_rows(
 
     lambda_1: λ₁ of the body if known [Pa/m]
     """
+    if rows.body.loose:
+        return _of_loose_rows(rows, limits, law_error)
+    return _of_rows(rows, limits, law_error, lambda_1 or rows.body.lambda_1)
+
+
+def _of_loose_rows(
+    rows: ContactProblem, limits: Limits | None, law_error: float
+) -> list[Equilibria]:
+    """Return the solutions of rows of a body that contact alone holds, where that bounds them."""
+    from tcstudy.contact.rigid_motions import why_unbounded  # few bodies are loose
+
+    equilibria = []
+    for row in range(len(rows.l_tilde)):
+        reason = why_unbounded(rows.single(row))
+        if reason:
+            equilibria.append(_none_known(rows.m, reason))
+        else:
+            equilibria += _of_rows(rows.take(np.array([row])), limits, law_error, 0.0)
+    return equilibria
+
+
+def _none_known(m: int, reason: str) -> Equilibria:
+    """Return that no solution of m nodes is known, and why."""
+    v, sides = np.zeros((0, m)), np.zeros((0, m), dtype=np.intp)
+    energy, stable = np.zeros(0), np.zeros(0, dtype=bool)
+    return Equilibria(v, v, energy, stable, sides, False, reason, sides, 0)
+
+
+def _of_rows(
+    rows: ContactProblem, limits: Limits | None, law_error: float, lambda_1: float
+) -> list[Equilibria]:
+    """Return every solution of each row; λ₁ is 0 for a body that contact alone holds."""
     A_tilde, c, loads = rows.A_tilde, rows.c, rows.l_tilde
     limits = limits or Limits()
-    lambda_1 = lambda_1 or rows.body.lambda_1
     laws = polygon_laws(rows, law_error, lambda_1)
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
     cells, by_modes = searched(problems, limits, _by_modes)
@@ -255,7 +286,10 @@ def polygon_laws(rows: ContactProblem, law_error: float, lambda_1: float) -> Law
     laws = rows.law
     if laws.piecewise_linear:
         return laws
-    reach = reach_of(rows.c, laws, rows.l_tilde, lambda_1)
+    if rows.body.loose:
+        reach, _ = reach_of_openings(rows, np.zeros(rows.m))
+    else:
+        reach = reach_of(rows.c, laws, rows.l_tilde, lambda_1)
     largest_slip = float(np.max(reach, initial=0.0))
     return laws.mapped(lambda law: piecewise_linear(law, law_error, largest_slip))
 

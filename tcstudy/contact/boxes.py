@@ -924,8 +924,8 @@ def reach_of_openings(rows: ContactProblem, change: Array) -> tuple[Array, Array
     else:
         from tcstudy.contact.rigid_motions import RigidMotions
 
-        reach = [RigidMotions(rows.single(row)).reach() for row in range(len(rows.l_tilde))]
-        high = np.array(reach)
+        count = len(rows.l_tilde)
+        high = np.array([RigidMotions(rows.single(row)).reach(change) for row in range(count)])
         low = rows.law.admissible(-high)
     reach = np.max(np.maximum(np.abs(low), np.abs(high)), axis=0)
     pressure = np.max(largest_pressure(rows, low, high, change), axis=0)

@@ -44,7 +44,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import CondensedBody, ContactProblem, is_singular
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, UP, Place
 
@@ -345,19 +345,33 @@ def _solve_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted:
     """Return (n,) d of one row on its free nodes."""
     if not len(free):
         return rhs
-    x, info = _solve_positive(with_diagonal(body.A_tilde, free, k), rhs)
+    matrix = with_diagonal(body.A_tilde, free, k)
+    if body.loose and _is_lost(matrix):
+        return _proximal_step(body, free, np.maximum(k, 0.0), rhs)
+    x, info = _solve_positive(matrix, rhs)
     if info == 0:
         return x
     if trusted:
         return _solve_regular(with_diagonal(body.A_tilde, free, k)[None], rhs[None])[0]
     lifted = np.maximum(k, 0.0)
-    # if only friction holds the body, and too little of it: a proximal step, which up-jumps stop
-    proximal = lifted + _PROXIMAL * np.diagonal(body.A_tilde)[free]
-    for diagonal in (lifted, proximal):
-        x, info = _solve_positive(with_diagonal(body.A_tilde, free, diagonal), rhs)
+    matrix = with_diagonal(body.A_tilde, free, lifted)
+    if not (body.loose and _is_lost(matrix)):
+        x, info = _solve_positive(matrix, rhs)
         if info == 0:
             return x
-    return np.zeros(len(free))
+    return _proximal_step(body, free, lifted, rhs)
+
+
+def _is_lost(matrix: Array) -> bool:
+    """Return whether a matrix is singular to rounding, as that of a loose body; not indefinite."""
+    return cholesky(matrix.copy())[1] == 0 and is_singular(matrix)
+
+
+def _proximal_step(body: CondensedBody, free: Index, k: Array, rhs: Array) -> Array:
+    """Return a step of a body that only friction or a ray holds, and too little; up-jumps stop it."""
+    proximal = k + _PROXIMAL * np.diagonal(body.A_tilde)[free]
+    x, info = _solve_positive(with_diagonal(body.A_tilde, free, proximal), rhs)
+    return x if info == 0 else np.zeros(len(free))
 
 
 def _solve_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:

@@ -72,6 +72,10 @@ class Outcome:
 
 MAX_COARSEST_NODES = 40
 """Contact nodes up to which a body has no coarser copy."""
+SINGULAR = 64.0 * float(np.finfo(float).eps)
+"""Reciprocal condition, its diagonal scaled to 1, up to which a matrix is singular."""
+SOFT = 1e-10
+"""Part of the largest eigenvalue up to which one counts as 0."""
 PROOF_MARGIN = 1e-6
 """μ/λ₁: by how much a matrix must be positive definite in a proof."""
 
@@ -142,7 +146,9 @@ class CondensedBody:
     @cached_property
     def loose(self) -> bool:
         """True if the body has a rigid-body mode: Ã is singular, has no inverse, and λ₁ is 0."""
-        return bool(scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)[1] != 0)
+        if scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)[1] != 0:
+            return True
+        return is_singular(self.A_tilde)
 
     @cached_property
     def inverse(self) -> Array:
@@ -155,6 +161,15 @@ class CondensedBody:
     def lambda_1(self) -> float:
         """λ_min(C^{−½}ÃC^{−½}) [Pa/m]."""
         return 0.0 if self.loose else least_eigenvalue(self.A_tilde, self.c)
+
+    @cached_property
+    def softest(self) -> float:
+        """Least eigenvalue of C^{−½}ÃC^{−½} that is not 0 [Pa/m]."""
+        if not self.loose:
+            return self.lambda_1
+        root = 1.0 / np.sqrt(self.c)
+        eigenvalues = scipy.linalg.eigvalsh(self.A_tilde * root[:, None] * root)
+        return float(eigenvalues[np.argmax(eigenvalues > SOFT * eigenvalues[-1])])
 
     @cached_property
     def coarse(self) -> CondensedBody | None:
@@ -209,7 +224,8 @@ def interpolation(m: int) -> scipy.sparse.csr_matrix:
 class ContactProblem:
     """0 ∈ Ãv − l̃ + ∂Ψ(v) for tangential displacements v of m contact nodes, or R rows of these.
 
-    A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
+    A_tilde: (m, m) symmetric positive definite, or semidefinite where contact alone holds the
+             body, condensed stiffness [Pa]
     l_tilde: (m,) condensed load, or (R, m) [N/m]
     c:       (m,) segment lengths meas(S_i) > 0 [m]
     law:     friction law b [Pa] of the slip [m], or those of nodes, of rows, of both (tcstudy/laws)
@@ -405,13 +421,16 @@ class ContactProblem:
 
     @cached_property
     def lambda_1(self) -> float:
-        """λ₁ = λ_min(C^{−½}ÃC^{−½}), the body's uniqueness threshold (method §5) [Pa/m]."""
-        return self._eigenpair[0]
+        """λ₁ = λ_min(C^{−½}ÃC^{−½}), the body's uniqueness threshold (method §5) [Pa/m].
+
+        It is 0 for a body with a rigid-body mode.
+        """
+        return 0.0 if self.body.loose else self._eigenpair[0]
 
     @property
     def lambda_1_error(self) -> float:
         """Relative error of `lambda_1`: that of Ã and the residual of the eigenpair."""
-        return self.A_error + self._eigenpair[2]
+        return self.A_error if self.body.loose else self.A_error + self._eigenpair[2]
 
     @cached_property
     def _eigenpair(self) -> tuple[float, Array, float]:
@@ -423,6 +442,20 @@ class ContactProblem:
             return np.asarray(np.linalg.lstsq(self.A_tilde, self.l_tilde)[0])
         factor = scipy.linalg.cho_factor(self.A_tilde, lower=True)
         return scipy.linalg.cho_solve(factor, self.l_tilde)
+
+
+def is_singular(matrix: Array) -> bool:
+    """Return whether a symmetric matrix that has a Cholesky factor is singular to rounding."""
+    if not len(matrix):
+        return False
+    root = 1.0 / np.sqrt(np.diagonal(matrix))
+    scaled = matrix * root[:, None] * root
+    norm = float(np.max(np.abs(scaled).sum(axis=0)))
+    factor, info = scipy.linalg.lapack.dpotrf(scaled, lower=1, clean=0)
+    if info != 0:
+        return True
+    reciprocal_condition, _ = scipy.linalg.lapack.dpocon(factor, norm, uplo="L")
+    return bool(reciprocal_condition <= SINGULAR)
 
 
 def trusted_share(error: float) -> float:

@@ -24,14 +24,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import far, largest_push
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.problem import SOFT, ContactProblem
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-SOFT = 1e-10
-"""Part of the largest eigenvalue up to which one counts as 0."""
 BALANCED = 1e-9
 """Part of its terms up to which the resistance to a motion counts as none."""
 MOVES = 1e-6
@@ -43,7 +41,7 @@ _MAX_ROWS_NAMED = 6
 
 
 class Motion(NamedTuple):
-    """A rigid motion r (m,), its largest entry 1, and f(r), not positive."""
+    """A rigid motion r (m,), its largest entry 1, and f(r) < 0."""
 
     r: Array
     resistance: float
@@ -132,7 +130,7 @@ class RigidMotions:
         return float(programme.fun), np.asarray(programme.x[:k])
 
     def unresisted(self) -> Motion | None:
-        """Return a motion that nothing resists, None if every one is resisted."""
+        """Return the motion of least f < 0, None if the load is against every one, or balanced."""
         if not self.count:
             return None
         least, y = self._least(*self.limits)
@@ -140,12 +138,15 @@ class RigidMotions:
         largest = float(np.max(np.abs(r)))
         if not np.isfinite(least) or largest == 0.0:
             return None
-        if least > BALANCED * float(np.abs(self.problem.l_tilde) @ np.abs(r)):
+        if least > -BALANCED * float(np.abs(self.problem.l_tilde) @ np.abs(r)):
             return None
         return Motion(r / largest, least / largest)
 
-    def reach(self) -> Array:
-        """Return (m,) bounds of |v_i| for every solution, ∞ where a motion is not resisted [m]."""
+    def reach(self, change: Array) -> Array:
+        """Return (m,) bounds of |v_i| for every solution, ∞ where a motion is not resisted [m].
+
+        change: (m,) by how much the load may differ from that of the problem [N/m]
+        """
         problem = self.problem
         tables = problem.law.tables
         index = problem.law.node_index(problem.m)
@@ -157,13 +158,13 @@ class RigidMotions:
         for steepness in _STEEPNESS * unit:
             left, right = (np.minimum(beta, steepness) for beta in self.limits)
             delta, _ = self._least(left, right)
+            delta -= float(np.sum(change @ np.abs(self.N)))
             if not delta > 0.0:
                 continue
             beta = np.maximum(left, right)
             K = float(np.sum(problem.c * (beta + push) * _far_at(tables, beta, index)))
-            L = float(
-                np.sqrt(np.sum(problem.c * (beta + np.abs(problem.l_tilde) / problem.c) ** 2))
-            )
+            traction = beta + (np.abs(problem.l_tilde) + change) / problem.c
+            L = float(np.sqrt(np.sum(problem.c * traction**2)))
             w = (L + np.sqrt(L**2 + 4.0 * softest * K)) / (2.0 * softest)
             y = (K + L**2 / (4.0 * softest)) / delta
             bound = 1.01 * (w / np.sqrt(problem.c) + y * np.abs(self.N).sum(axis=1))
@@ -187,6 +188,17 @@ class RigidMotions:
         if np.any(scales[moves] > 0.0):
             cause = "the load is more than the bond can carry: the body slides once it has failed"
         return f"{cause} ({rows} move); load it less, hold it, or prescribe its displacement"
+
+
+def why_unbounded(problem: ContactProblem) -> str:
+    """Return in one sentence why solutions may be anywhere, "" where their reach is known."""
+    motions = RigidMotions(problem)
+    motion = motions.unresisted()
+    if motion is not None:
+        return motions.reason(motion)
+    if np.all(np.isfinite(motions.reach(np.zeros(problem.m)))):
+        return ""
+    return "nothing resists a motion of the body, and the load does not decide where it is"
 
 
 def _far_at(tables: Laws, beta: Array, index: Index) -> Array:

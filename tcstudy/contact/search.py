@@ -235,14 +235,15 @@ _MIN_GAIN = 1e-10
 def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
     """Return (starts (R, m), (R,) whether a start is proved to be the lowest solution).
 
-    It is if the first, convex problem is the original one at its solution.
+    It is if the first, convex problem is the original one at its solution. Of a loose body no
+    problem is convex.
 
     v: (R, m) where the first problem begins
     """
     starts = v.copy()
     is_lowest = np.zeros(len(v), dtype=bool)
     active = np.arange(len(v))
-    kappa = _FIRST_KAPPA * rows.body.lambda_1
+    kappa = _FIRST_KAPPA * rows.body.softest
     is_first = True
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
     max_kappa = np.minimum(rows.law.omega_by_row, stiffest)
@@ -256,7 +257,8 @@ def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
         has_line = np.any(_on_tangent(laws, end.v, kappa), axis=1)
         starts[active] = end.v
         if is_first:
-            is_lowest[active] = ~has_line & (end.residual <= LOOSE)
+            is_convex = not rows.body.loose
+            is_lowest[active] = is_convex & ~has_line & (end.residual <= LOOSE)
         kappa = GROWTH * kappa
         is_first = False
         still_open = np.flatnonzero(has_line & (kappa < max_kappa[active]))
@@ -292,6 +294,8 @@ def move_starts(rows: ContactProblem, v: Array) -> tuple[Array, Index, Index]:
         if response is None:
             continue
         k = np.einsum("ij,ji->i", body.A_tilde, response) / body.c
+        if body.loose:  # with it a node may move the whole body
+            k = np.maximum(k, body.softest)
         force = xi[row] / body.c
         gain, place = best_places(laws.of_nodes(row), v[row], force, k, push[row])
         count = min(MAX_MOVES_TRIED, np.count_nonzero(gain))

@@ -302,7 +302,8 @@ class SolutionBlock:
     def search(self) -> None:
         """Look for less energy at points without a proof."""
         points = self.unproved(np.arange(len(self.v)))
-        if self.rows.body.loose:
+        is_loose = self.rows.body.loose
+        if is_loose and not self.rows.law.has_rays:
             return
         beside = points[np.all(np.isfinite(self.neighbours[points]), axis=1)]
         if len(beside):
@@ -311,8 +312,9 @@ class SolutionBlock:
         if not len(points):
             return
         points = self.begin_from(points, self.v[points], ZERO)
-        frictionless = self.rows.l_tilde[points] @ self.rows.body.inverse
-        points = self.begin_from(points, frictionless, FRICTIONLESS, nested=True)
+        if not is_loose:
+            frictionless = self.rows.l_tilde[points] @ self.rows.body.inverse
+            points = self.begin_from(points, frictionless, FRICTIONLESS, nested=True)
         starts, is_done = envelope_starts(self.smooth.take(points), self.v[points])
         unproved = self.begin_from(points, starts, ESCAPE)
         self.move(np.setdiff1d(unproved, points[is_done]))
@@ -398,9 +400,12 @@ class SolutionBlock:
         elif failed is None:
             failed = Shortfall(Status.INCLUSION_VIOLATED, STALLED)
         reasons = []
+        status = np.where(judged.accepted, Status.CONVERGED, failed.status).astype(np.int8)
         for p, is_accepted in enumerate(judged.accepted.tolist()):
-            reason = ""
-            if not is_accepted:
+            reason = "" if is_accepted or not rows.body.loose else _moved_away(rows.single(p))
+            if reason:
+                status[p] = Status.UNBOUNDED
+            elif not is_accepted:
                 residual, rounding = float(judged.residual[p]), float(judged.rounding[p])
                 reason = failure(residual, rounding, self.acceptance, failed.reason)
             reasons.append(reason)
@@ -415,7 +420,7 @@ class SolutionBlock:
             rounding=judged.rounding,
             limited=judged.accepted & (judged.residual > self.acceptance.aim),
             energy=self.energy,
-            status=np.where(judged.accepted, Status.CONVERGED, failed.status).astype(np.int8),
+            status=status,
             reason=tuple(reasons),
             start=self.start,
             energies=self.energies,
@@ -423,6 +428,15 @@ class SolutionBlock:
             evaluations=self.steps,
             certificate=certificate,
         )
+
+
+def _moved_away(problem: ContactProblem) -> str:
+    """Return in one sentence how the load moves a loose body away, "" if it does not."""
+    from tcstudy.contact.rigid_motions import RigidMotions
+
+    motions = RigidMotions(problem)
+    motion = motions.unresisted()
+    return "" if motion is None else motions.reason(motion)
 
 
 class Shortfall(NamedTuple):

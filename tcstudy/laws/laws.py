@@ -384,7 +384,7 @@ class Laws(LawPieces):
     @property
     def is_closed(self) -> Flags:
         """Which of the laws in use are closed (shape of the index)."""
-        return np.asarray(self._used(self.closed))
+        return self.closed if self.one else self.closed[self.index]
 
     @property
     def without_rays(self) -> Laws:
