@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.walk import NoSolutionError
+from tcstudy.contact.problem import CondensedBody, is_singular
 from tcstudy.contact.problem import ContactProblem as PlainProblem
 from tcstudy.contact.solve import SEMIDEFINITE, Answer, known_solutions, solve_contact
 from tcstudy.errors import ProblemError
@@ -123,6 +125,12 @@ class ContactProblem(PlainProblem):
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+
+    @cached_property
+    def body(self) -> CondensedBody:
+        """The body's record; where Ã is singular to rounding, contact alone holds it."""
+        loose = True if is_singular(self.A_tilde) else None
+        return CondensedBody.known(self.A_tilde, self.c, self.A_error, self.blocks, loose=loose)
 
     def __repr__(self) -> str:
         return f"ContactProblem({self.m} contact nodes, law {self.law.name})"

@@ -749,6 +749,25 @@ class PolygonProblems:
             parts.append(self._segments(problem[part], sides[part], part_load, per_s))
         return Segments(*map(np.concatenate, zip(*parts, strict=True)))
 
+    def unbalanced(self, problem: Index, sides: Index, load: Array) -> Flags:
+        """Return (n,) cells without a solution, as their loads do work on a motion they allow.
+
+        With a y for which yᵀM is small, M x = r, 0 ≤ x ≤ 1, has no solution if |yᵀr| > |yᵀM| 1
+        (Farkas). It is the left singular vector of the least singular value.
+        """
+        is_empty = np.zeros(len(sides), dtype=bool)
+        for row in range(len(sides)):
+            start = self.points_at(problem[row : row + 1], sides[row : row + 1].astype(float))
+            end = self.points_at(problem[row : row + 1], sides[row : row + 1] + 1.0)
+            M, _, scale = self.matrix(end - start)
+            y = np.linalg.svd(M[0] / scale[0])[0][:, -1]
+            r = load[row] - start[0, :, 0] @ self.A - self.c * start[0, :, 1]
+            largest = np.maximum(np.abs(start[0]), np.abs(end[0]))
+            noise = self.rounding(largest[:, 0], largest[:, 1], np.abs(load[row]))
+            slack = np.abs(y @ M[0]) + 4.0 * (self.m + 4) * EPS * (np.abs(y) @ np.abs(M[0]))
+            is_empty[row] = abs(y @ r) > (1.0 + 1e-6) * float(np.sum(slack) + np.abs(y) @ noise)
+        return is_empty
+
     def _segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
         """Return the segments of cells that are few enough to be solved together."""
         m = self.m

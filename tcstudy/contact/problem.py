@@ -146,9 +146,7 @@ class CondensedBody:
     @cached_property
     def loose(self) -> bool:
         """True if the body has a rigid-body mode: Ã is singular, has no inverse, and λ₁ is 0."""
-        if scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)[1] != 0:
-            return True
-        return is_singular(self.A_tilde)
+        return bool(scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)[1] != 0)
 
     @cached_property
     def inverse(self) -> Array:
@@ -258,9 +256,13 @@ class ContactProblem:
 
     @cached_property
     def body(self) -> CondensedBody:
-        """The body's record, made of Ã and c alone."""
+        """The body's record, made of Ã and c alone.
+
+        With rays Ã may be singular to rounding, as that of a body which contact alone holds.
+        """
         A_tilde = np.ascontiguousarray(self.A_tilde, dtype=float)
-        return CondensedBody.known(A_tilde, self.c, self.A_error, self.blocks)
+        loose = True if self.law.has_rays and is_singular(A_tilde) else None
+        return CondensedBody.known(A_tilde, self.c, self.A_error, self.blocks, loose=loose)
 
     @cached_property
     def rows(self) -> ContactProblem:

@@ -292,7 +292,20 @@ def judge(
         xi[row], residual[row] = point.xi, point.residual
     residual[np.isnan(residual)] = np.inf
     limits = np.array([acceptance.limit(float(share)) for share in rounding])
-    return Judged(v, v_low, xi, residual, rounding, residual <= limits)
+    accepted = (residual <= limits) & has_digits(problem, rounding)
+    return Judged(v, v_low, xi, residual, rounding, accepted)
+
+
+def has_digits(problem: ContactProblem, rounding: Array) -> Flags:
+    """Return (R,) whether points may be solutions; a loose body may be beyond the digits of v.
+
+    Ã is singular to rounding alone, so that there are points at 1e16 where all seems in balance.
+    """
+    # of other problems it is not worth a factorisation
+    is_known = problem.law.has_rays or "loose" in vars(problem.body)
+    if not (is_known and problem.body.loose):
+        return np.ones(rounding.shape, dtype=bool)
+    return np.asarray(rounding <= MAX_ROUNDING)
 
 
 EVENT = 1e-9

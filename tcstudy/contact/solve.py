@@ -35,7 +35,7 @@ from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Outcome, Status, trusted_share
 from tcstudy.contact.search import envelope_starts, move_starts
-from tcstudy.contact.solution import Acceptance, judge, polished
+from tcstudy.contact.solution import Acceptance, has_digits, judge, polished
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.solver_plan import (
     ESCAPE,
@@ -274,6 +274,8 @@ class SolutionBlock:
         rows = self.rows.take(points)
         energy = rows.energy(v)
         accepted = residual <= self.acceptance.aim
+        if rows.body.loose:
+            accepted &= has_digits(rows, rows.xi_rounding(v))
         doubtful = np.flatnonzero(~accepted)
         if len(doubtful):
             judged = judge(rows.take(doubtful), v[doubtful], self.acceptance)
@@ -305,6 +307,9 @@ class SolutionBlock:
         is_loose = self.rows.body.loose
         if is_loose and not self.rows.law.has_rays:
             return
+        if is_loose:  # where nothing resists a motion there is no least energy
+            is_bounded = [not _moved_away(self.rows.single(p)) for p in points.tolist()]
+            points = points[is_bounded]
         beside = points[np.all(np.isfinite(self.neighbours[points]), axis=1)]
         if len(beside):
             unproved = self.begin_from(beside, self.neighbours[beside], NEIGHBOUR)
