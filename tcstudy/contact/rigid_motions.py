@@ -181,13 +181,13 @@ class RigidMotions:
         if np.any(is_closed & moves):
             return (
                 f"nothing presses the body onto its foundation: it flies off ({rows} open or "
-                "slide); load it so that it is pressed, or hold it"
+                "slide); press it on, or constrain it"
             )
         scales = np.broadcast_to(law.tables.scales[law.index], moves.shape)
-        cause = "nothing holds the body: it slides"
+        cause = "nothing restrains the body: it slides"
         if np.any(scales[moves] > 0.0):
             cause = "the load is more than the bond can carry: the body slides once it has failed"
-        return f"{cause} ({rows} move); load it less, hold it, or prescribe its displacement"
+        return f"{cause} ({rows} move); lower the load, or prescribe a displacement"
 
 
 def why_unbounded(problem: ContactProblem) -> str:
