@@ -8,6 +8,7 @@ solve               the doors for one problem and for many of one body: all star
 newton, descent     Newton's equations and the convex model; from a start to a minimum
 search              starts from which descent finds less energy
 certificates        what is proved of a solution
+loose_body          motions of a body that contact alone holds: what moves it away, how far at most
 all_solutions       all solutions of small problems
 boxes               boxes that hold all solutions, made smaller by proof
 curves, soft_modes  parts with one solution or one curve, ties; the search on fine meshes

@@ -128,7 +128,7 @@ def _of_loose_rows(
     rows: ContactProblem, limits: Limits | None, law_error: float
 ) -> list[Equilibria]:
     """Return the solutions of rows of a body that contact alone holds, where that bounds them."""
-    from tcstudy.contact.rigid_motions import why_unbounded  # few bodies are loose
+    from tcstudy.contact.loose_body import why_unbounded  # few bodies are loose
 
     equilibria = []
     for row in range(len(rows.l_tilde)):

@@ -941,10 +941,10 @@ def reach_of_openings(rows: ContactProblem, change: Array) -> tuple[Array, Array
     if rows.body.lambda_1 > 0.0 and not rows.body.loose:
         low, high = solution_boxes(rows, change)
     else:
-        from tcstudy.contact.rigid_motions import RigidMotions
+        from tcstudy.contact.loose_body import LooseBody
 
         count = len(rows.l_tilde)
-        high = np.array([RigidMotions(rows.single(row)).reach(change) for row in range(count)])
+        high = np.array([LooseBody(rows.single(row)).reach(change) for row in range(count)])
         low = rows.law.admissible(-high)
     reach = np.max(np.maximum(np.abs(low), np.abs(high)), axis=0)
     pressure = np.max(largest_pressure(rows, low, high, change), axis=0)

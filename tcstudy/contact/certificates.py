@@ -327,15 +327,15 @@ def largest_pressure(
     """
     A = rows.body.A_tilde
     diagonal = np.diagonal(A)
-    others = A - np.diag(diagonal)
+    off_diagonal = A - np.diag(diagonal)
     end = rows.law.admissible(np.full(low.shape, -np.inf))
-    own = diagonal * np.where(np.isfinite(end), end, 0.0)
-    pull = high @ np.maximum(others, 0.0) + low @ np.minimum(others, 0.0)
+    at_ray = diagonal * np.where(np.isfinite(end), end, 0.0)
+    pull = high @ np.maximum(off_diagonal, 0.0) + low @ np.minimum(off_diagonal, 0.0)
     size = np.maximum(np.abs(low), np.abs(high)) @ np.abs(A) + np.abs(rows.l_tilde)
     rounding = 4.0 * (rows.m + 8) * EPS * size
     if spread is not None:
         rounding = rounding + spread
-    return np.asarray((own + pull - rows.l_tilde + rounding) / rows.c)
+    return np.asarray((at_ray + pull - rows.l_tilde + rounding) / rows.c)
 
 
 def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: float) -> Array:

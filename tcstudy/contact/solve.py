@@ -437,9 +437,9 @@ class SolutionBlock:
 
 def _moved_away(problem: ContactProblem) -> str:
     """Return in one sentence how the load moves a loose body away, "" if it does not."""
-    from tcstudy.contact.rigid_motions import RigidMotions
+    from tcstudy.contact.loose_body import LooseBody
 
-    motions = RigidMotions(problem)
+    motions = LooseBody(problem)
     motion = motions.unresisted()
     return "" if motion is None else motions.reason(motion)
 

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 
 import tcstudy
 from tcstudy.contact.certificates import solution_boxes
+from tcstudy.contact.loose_body import LooseBody
 from tcstudy.contact.path.query import folds, lowest
 from tcstudy.contact.problem import Status
-from tcstudy.contact.rigid_motions import RigidMotions
 from tcstudy.contact.solution import Linearised
 from tcstudy.contact.solve import Answer
 from tcstudy.errors import ProblemError
@@ -45,7 +45,7 @@ def test_solutions_of_loose_bodies_are_those_of_all_pieces(seed: int) -> None:
     case = random_case(seed, motions=1 + seed % 2)
     problem = tcstudy.ContactProblem(case.A, case.load, case.c, case.laws)
     solutions = every_solution(*case)
-    motions = RigidMotions(problem)
+    motions = LooseBody(problem)
     motion = motions.unresisted()
     answer = tcstudy.solve(problem)
     assert problem.lambda_1 == 0.0

@@ -48,7 +48,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RigidMotions:
+class LooseBody:
     """The rigid motions of a body under one load.
 
     problem: of one row
@@ -192,7 +192,7 @@ class RigidMotions:
 
 def why_unbounded(problem: ContactProblem) -> str:
     """Return in one sentence why solutions may be anywhere, "" where their reach is known."""
-    motions = RigidMotions(problem)
+    motions = LooseBody(problem)
     motion = motions.unresisted()
     if motion is not None:
         return motions.reason(motion)
