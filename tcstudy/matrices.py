@@ -100,10 +100,10 @@ class ContactProblem(PlainProblem):
     The arrays are copied. Ã is symmetrised where it is asymmetric by rounding only. The problem has
     `energy(v)`, `xi(v)`, `inclusion_residual(v)` and `lambda_1` (method §5).
 
-    A row may be an opening: its law then is one of `tcstudy.opening`. Where a semidefinite Ã resists
-    a motion r = N y not, the load must be against it, or less than what the laws carry: else the
-    answer's status is UNBOUNDED, and its reason says what moves. Then λ₁ = 0, and nothing that rests
-    on λ₁ is proved.
+    A row may be an opening: its law then is one of `tcstudy.opening`. Where Ã is semidefinite, the
+    load must be against every motion r with Ãr = 0, or less than what the laws carry. Else the
+    answer's status is UNBOUNDED, and its reason says what moves. Then λ₁ = 0, and nothing that
+    rests on λ₁ is proved.
 
     Raises ProblemError for shapes that do not fit, numbers that are not finite, c ≤ 0, and an
     asymmetric or indefinite Ã.

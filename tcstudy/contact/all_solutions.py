@@ -294,7 +294,7 @@ def polygon_laws(rows: ContactProblem, law_error: float, lambda_1: float) -> Law
     if laws.piecewise_linear:
         return laws
     if rows.body.loose:
-        reach, _ = reach_of_openings(rows, np.zeros(rows.m))
+        reach, _ = reach_of_openings(rows, np.zeros(rows.l_tilde.shape))
     else:
         reach = reach_of(rows.c, laws, rows.l_tilde, lambda_1)
     largest_slip = float(np.max(reach, initial=0.0))

@@ -894,8 +894,8 @@ def polygons(
 ) -> tuple[Array, Index]:
     """Return (vertices (G, m, V, 2), side counts (G, m)) of filled graphs from −reach to reach.
 
-    Jumps that are rounding are left out. Short polygons repeat their end. A ray is their first side,
-    from −`pressure` on.
+    Jumps that are rounding are left out. Short polygons repeat their end. A ray is their first
+    side, from −`pressure` on.
 
     index:    (G, m) which of the laws a node has
     pressure: (m,) or (G, m) bounds of −ξ_i/c_i on rays [Pa]
@@ -936,7 +936,7 @@ def reach_of_openings(rows: ContactProblem, change: Array) -> tuple[Array, Array
 
     A body that nothing but contact holds has those of its rigid motions.
 
-    change: (m,) by how much the loads may differ from those of the rows [N/m]
+    change: (R, m) by how much the loads may differ from those of the rows [N/m]
     """
     if rows.body.lambda_1 > 0.0 and not rows.body.loose:
         low, high = solution_boxes(rows, change)
@@ -944,7 +944,8 @@ def reach_of_openings(rows: ContactProblem, change: Array) -> tuple[Array, Array
         from tcstudy.contact.loose_body import LooseBody
 
         count = len(rows.l_tilde)
-        high = np.array([LooseBody(rows.single(row)).reach(change) for row in range(count)])
+        bodies = [LooseBody(rows.single(row)) for row in range(count)]
+        high = np.array([body.reach(change[row]) for row, body in enumerate(bodies)])
         low = rows.law.admissible(-high)
     reach = np.max(np.maximum(np.abs(low), np.abs(high)), axis=0)
     pressure = np.max(largest_pressure(rows, low, high, change), axis=0)

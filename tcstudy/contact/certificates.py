@@ -243,7 +243,7 @@ def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Ar
 def solution_boxes(rows: ContactProblem, spread: Array | None = None) -> tuple[Array, Array]:
     """Return (low, high), (R, m) each: every solution of a row lies between them [m].
 
-    spread: (m,) by how much the loads may differ from those of the rows, 0 by default [N/m]
+    spread: (R, m) by how much the loads may differ from those of the rows, 0 by default [N/m]
 
     Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that
     stop shrinking drop out. At a ray the traction is bounded by what the box allows.
@@ -267,16 +267,17 @@ def solution_boxes(rows: ContactProblem, spread: Array | None = None) -> tuple[A
     active = np.arange(len(high))
     for _ in range(_MAX_BOX_ROUNDS):
         old_low, old_high = low[active], high[active]
+        spread_of_rows = None if spread is None else spread[active]
         laws = rows.law.of_nodes(active)
         least, largest = value_range(laws.without_rays, old_low, old_high)
         if laws.has_rays:
-            pressure = largest_pressure(rows.take(active), old_low, old_high, spread)
+            pressure = largest_pressure(rows.take(active), old_low, old_high, spread_of_rows)
             is_on_ray = laws.is_closed & (old_low <= laws.admissible(old_low))
             least = np.where(is_on_ray, np.minimum(least, -pressure), least)
         middle = c * (0.5 * (largest + least))
         radius = c * (0.5 * (largest - least))
-        if spread is not None:
-            radius = radius + spread
+        if spread_of_rows is not None:
+            radius = radius + spread_of_rows
         # rounding goes through the same product: row sums of |Ã⁻¹| would be far too much for
         # slender bodies
         rounding = body.rounding * (load_size[active] + np.abs(middle) + radius)
@@ -304,10 +305,11 @@ def _boxes_of_openings(
     """
     body = rows.body
     if not np.any(largest_push(rows.law)[rows.law.index]):
-        change = np.zeros(body.m) if spread is None else spread
+        change = np.zeros(low.shape) if spread is None else spread
         absolute_inverse = np.abs(body.inverse)
         work = np.einsum("ri,ri->r", rows.l_tilde, frictionless)
-        norm = np.sqrt(np.maximum(work, 0.0)) + np.sqrt(change @ absolute_inverse @ change)
+        spread_work = np.einsum("ri,ri->r", change @ absolute_inverse, change)
+        norm = np.sqrt(np.maximum(work, 0.0)) + np.sqrt(spread_work)
         compliance = np.sqrt(np.maximum(np.diagonal(body.inverse), 0.0))
         reach = 0.5 * (norm[:, None] * compliance + change @ absolute_inverse)
         size = (np.abs(rows.l_tilde) + change) @ absolute_inverse

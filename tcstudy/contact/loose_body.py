@@ -4,13 +4,13 @@ Motions:   r with Ãr = 0, the space of N (m, k), NᵀCN = I
 Resisted:  f(r) = Σ c_i (β⁺_i r_i⁺ + β⁻_i r_i⁻) − l̃ᵀr > 0 for every motion r ≠ 0, with the limits
            β⁺ = b(∞) and β⁻ = −b(−∞), ∞ at a ray. Then L̃ → ∞ wherever v goes, and has a minimum.
            Otherwise the load takes the body away once its bond has failed; equilibria may exist
-           before. f is sublinear, so that its sign on the faces y_j = ±1 of |y| ≤ 1, r = Ny, decides:
-           linear programmes
+           before. f is sublinear, so that its sign on the faces y_j = ±1 of |y| ≤ 1, r = Ny,
+           decides: linear programmes
 Reach:     with K_i ≥ (β|s| − s b(s)) for all s, v = Ny + w, yᵀNᵀCw = 0, δ the least f on the faces
            and L = ‖β + |l̃|/c‖_C, a solution has λ₊‖w‖² − L‖w‖ + δ|y| ≤ Σ c_i K_i, where λ₊ is the
            least eigenvalue above 0
-Literature: Fichera's condition of Signorini problems; Kinderlehrer & Stampacchia, An Introduction to
-           Variational Inequalities (1980)
+Literature: Fichera's condition of Signorini problems; Kinderlehrer & Stampacchia, An Introduction
+           to Variational Inequalities (1980)
 """
 
 from __future__ import annotations

@@ -368,7 +368,7 @@ def _is_lost(matrix: Array) -> bool:
 
 
 def _proximal_step(body: CondensedBody, free: Index, k: Array, rhs: Array) -> Array:
-    """Return a step of a body that only friction or a ray holds, and too little; up-jumps stop it."""
+    """Return a step of a body that contact alone holds, and too little; up-jumps stop it."""
     proximal = k + _PROXIMAL * np.diagonal(body.A_tilde)[free]
     x, info = _solve_positive(with_diagonal(body.A_tilde, free, proximal), rhs)
     return x if info == 0 else np.zeros(len(free))
