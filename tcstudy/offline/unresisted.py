@@ -10,6 +10,7 @@ difference of large numbers. Answers are therefore accepted only if their forces
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,12 +32,12 @@ REMEDY = "pull by a displacement (a rigid edge with u_x or u_y), or lower the lo
 
 
 def judged(
-    answers: Answer, loads: Array, laws: Laws, c: Array, motions: Array, words: str
+    answers: Answer, loads: Array, laws: Laws, c: Array, motions: Array, names: Sequence[str]
 ) -> Answer:
     """Return the answers of a loose body, those that are no equilibria as failed with the reason.
 
     loads:   (P, m) l̃ [N/m];  laws: of the rows
-    motions: (k, m) rigid motions r at the contact DOFs;  words: these in words
+    motions: (k, m) rigid motions r at the contact DOFs;  names: these in words
     """
     push = loads @ motions.T
     strength = _strength(laws, c, motions, push)
@@ -50,10 +51,10 @@ def judged(
     excess = np.where(push == 0.0, 0.0, np.inf)
     is_finite = strength > MAX_RESIDUAL * np.abs(push)
     np.divide(np.abs(push), strength, out=excess, where=is_finite)
-    most = np.max(excess, axis=1)
+    worst = np.argmax(excess, axis=1)
     reasons = list(answers.reason)
     for row in np.flatnonzero(~is_solution).tolist():
-        reasons[row] = _reason(words, float(most[row]))
+        reasons[row] = _reason(names[worst[row]], float(excess[row, worst[row]]))
     status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
     certificate = answers.certificate
     if certificate is not None:
@@ -80,16 +81,17 @@ def step_reason(words: str, reason: str) -> str:
     return f"{fault} ({reason.partition(': ')[0]}); {REMEDY}"
 
 
-def _reason(words: str, excess: float) -> str:
-    """Return why there is no equilibrium. excess: load over the largest force of friction"""
+def _reason(name: str, excess: float) -> str:
+    """Return why there is no equilibrium.
+
+    name: the motion in words;  excess: load along it over the largest force of contact
+    """
     if not np.isfinite(excess):
-        return f"it can {words}, and no friction resists that; {REMEDY}"
+        return f"it can {name}, and nothing resists that; {REMEDY}"
     if excess > 1.0:
-        fault = (
-            f"it can {words}: the load along that is {excess:.3g} times what friction can resist"
-        )
-        return f"{fault}; {REMEDY}"
-    fault = f"it can {words} once the bond has failed, and no equilibrium was found before that"
+        ratio = f"{excess:.3g} times what contact can resist"
+        return f"it can {name}: the load along that is {ratio}; {REMEDY}"
+    fault = f"it can {name} once the bond has failed, and no equilibrium was found before that"
     return f"{fault}; {REMEDY}, or follow the path of the load to its peak"
 
 
@@ -97,13 +99,13 @@ def _strength(laws: Laws, c: Array, motions: Array, push: Array) -> Array:
     """Return (P, k) the largest force of friction against a push along motions [N/m]."""
     reach = np.broadcast_to(far(laws)[laws.index], push.shape[:1] + c.shape)
     least, largest = value_range(laws, -reach, reach)
-    rises = [laws.slope(slip, laws.locate(slip).piece) > 0.0 for slip in (-reach, reach)]
-    least = np.where(rises[0], -np.inf, least)
-    largest = np.where(rises[1], np.inf, largest)
+    last = laws.locate(reach)
+    least = np.where(laws.slope(-reach, laws.locate(-reach).piece) > 0.0, -np.inf, least)
+    largest = np.where(laws.slope(reach, last.piece + last.on) > 0.0, np.inf, largest)
     strength = np.zeros(push.shape)
     for k, motion in enumerate(motions):
         moves = motion != 0.0
-        forces = [(c * motion * b)[:, moves] for b in (least, largest)]
+        forces = [(c * motion)[moves] * b[:, moves] for b in (least, largest)]
         against = np.maximum(*forces).sum(axis=1), -np.minimum(*forces).sum(axis=1)
         strength[:, k] = np.where(push[:, k] >= 0.0, *against)
     return strength

@@ -51,7 +51,7 @@ class BoundaryPiece(NamedTuple):
 class RigidMotions:
     """Rigid motions r(p) = (a − cη, b + cξ) with (ξ, η) = (p − centre)/size.
 
-    coefficients: (k, 3) orthonormal rows (a, b, c)
+    coefficients: (k, 3) independent rows (a, b, c)
     """
 
     coefficients: Array
@@ -69,11 +69,16 @@ class RigidMotions:
         return np.stack([a - c * eta, b + c * xi], axis=2)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Every motion in words, such as "slide along x" or "turn about (0, 1)"."""
+        return tuple(self._name(*motion) for motion in self.coefficients.tolist())
+
+    @property
     def words(self) -> str:
-        """The motions in words, such as "slide along x" or "turn about (0, 1)"."""
-        if len(self) > 1:
-            return f"move in {len(self)} ways"
-        a, b, c = self.coefficients[0]
+        """All motions in words."""
+        return " or ".join(self.names)
+
+    def _name(self, a: float, b: float, c: float) -> str:
         if abs(c) < NO_TURN:
             if abs(b) < NO_TURN:
                 return "slide along x"
@@ -136,7 +141,25 @@ def rigid_motions(
     triangle = np.linalg.qr(np.vstack([conditions, np.zeros((3, 3))]), mode="r")
     _, singular, motions = np.linalg.svd(triangle)
     rank = int(np.sum(singular > accuracy * singular[0]))
-    return RigidMotions(motions[rank:], centre, size)
+    return RigidMotions(_echelon(motions[rank:]), centre, size)
+
+
+def _echelon(motions: Array) -> Array:
+    """Return a basis (k, 3) of the same motions, with translations along x and y where they are."""
+    if len(motions) < 2:
+        return motions
+    rows = motions.copy()
+    done = 0
+    for column in range(3):
+        pivot = done + int(np.argmax(np.abs(rows[done:, column]))) if done < len(rows) else done
+        if done == len(rows) or abs(rows[pivot, column]) < NO_TURN:
+            continue
+        rows[[done, pivot]] = rows[[pivot, done]]
+        rows[done] /= rows[done, column]
+        others = np.arange(len(rows)) != done
+        rows[others] -= rows[others, column][:, None] * rows[done]
+        done += 1
+    return rows
 
 
 def has_supports(boundary: Boundary) -> bool:

@@ -669,7 +669,7 @@ def block_record(
             laws,
             condensed.c,
             level.contact_motions(scenes[0]),
-            level.motions(scenes[0]).words,
+            level.motion_names(scenes[0]),
         )
     # without friction a solution has nothing but rounding of ξ, which the inclusion residual tells
     is_frictionless = np.array([scene.friction.vanishes for scene in scenes])

@@ -226,4 +226,42 @@ SWEPT = "sweep={friction: {none: {law: tresca, tau: 0}, some: {law: tresca, tau:
 def test_a_point_without_friction_fails_alone(tmp_path: Path) -> None:
     tree = results(tmp_path, SWEPT)
     assert finest(tree)["status"].values.tolist() == [PointStatus.SINGULAR, PointStatus.OK]
-    assert reasons(tree)[0].startswith("it can slide along x, and no friction resists that; ")
+    assert reasons(tree)[0].startswith("it can slide along x, and nothing resists that; ")
+
+
+SLAB = """
+body: {rectangle: {width: 6 m, height: 0.2 m}}
+boundary: {bottom: contact, left: free, right: free, top: free}
+material: {E: 30 GPa, nu: 0, plane: stress}
+friction: {law: tresca, tau: 1 kPa}
+adhesion: {bottom: {law: linear, k: 0, closing: 200 GPa/m}}
+loads: {f: [0, -24 kN/m^3]}
+mesh: {maxh: 0.1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("f", "motion", "ratio"),
+    [
+        ("[4 kN/m^3, -24 kN/m^3]", "", 0.0),
+        ("[-6 kN/m^3, -24 kN/m^3]", "slide along x", 1.2),
+        ("[0, 1 kN/m^3]", "separate along y", np.inf),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:elements of 100 mm are large")
+def test_a_slab_that_only_lies_there_slides_or_separates(
+    tmp_path: Path, f: str, motion: str, ratio: float
+) -> None:
+    """Three motions are left: weight resists one and the tilt, friction of 6 kN/m the other."""
+    tree = results(tmp_path, f"loads.f={f}", text=SLAB)
+    (reason,) = reasons(tree)
+    if not motion:
+        assert finest(tree)["status"].item() == PointStatus.OK
+        assert finest(tree)["friction_resultant"].item() == pytest.approx(4e3 * 6 * 0.2, rel=1e-8)
+        assert finest(tree)["adhesion_resultant"].item() == pytest.approx(-28.8e3, rel=1e-8)
+        return
+    assert reason.startswith(f"it can {motion}")
+    if np.isfinite(ratio):
+        assert float(reason.split(" times")[0].split()[-1]) == pytest.approx(ratio, rel=1e-2)
+    else:
+        assert "and nothing resists that" in reason
