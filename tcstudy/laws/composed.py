@@ -207,6 +207,11 @@ class EdgeLaws:
 
     laws: tuple[tuple[str, Laws, float | Expression], ...]
 
+    def number_of(self, edge: str) -> int:
+        """Return which of the laws an edge has."""
+        edges_with_law = [name for name, _, _ in self.laws]
+        return edges_with_law.index(edge) if edge in edges_with_law else 0
+
     def along(
         self, names: Sequence[str], edge: NDArray[np.integer], xy: Array
     ) -> tuple[NDArray[np.intp], Array]:
@@ -216,10 +221,7 @@ class EdgeLaws:
 
         Raises ValueError for a strength below 0 or one that is not finite.
         """
-        edges_with_law = [name for name, _, _ in self.laws]
-        law_of_edge = [
-            edges_with_law.index(name) if name in edges_with_law else 0 for name in names
-        ]
+        law_of_edge = [self.number_of(name) for name in names]
         index = np.array(law_of_edge, dtype=np.intp)[edge]
         strength = np.empty(len(index))
         for k, (_, _, factor) in enumerate(self.laws):
@@ -308,13 +310,26 @@ def laws_along(
     strength = factors[index, np.arange(len(index))]
     for node in np.flatnonzero(has_law.sum(axis=0) > 1).tolist():
         first, second = np.flatnonzero(has_law[:, node])
-        first_law = laws[first][1].times(float(factors[first, node]))
-        second_law = laws[second][1].times(float(factors[second, node]))
+        share = float(joints.share[joints.node == node][0])
+        if friction.number_of(names[edge[node]]) == first:
+            share = 1.0 - share
+        first_law = _part(laws[first][1], float(factors[first, node]), share)
+        second_law = _part(laws[second][1], float(factors[second, node]), 1.0 - share)
         index[node] = len(laws)
         strength[node] = 1.0
         name = f"{laws[first][0]} and {laws[second][0]}"
         laws.append((name, total(first_law, second_law)))
     return laws, index, strength
+
+
+def _part(law: Laws, factor: float, share: float) -> Laws:
+    """Return the part of a law at a joint, of one that closes share by share there, too.
+
+    factor: strength times share, the part of c_i on the edge of the law
+    """
+    if law.closing is None:
+        return law.times(factor)
+    return law.times(factor / share).placed(share)
 
 
 POINTS = "points"

@@ -23,6 +23,9 @@ from tcstudy.scene.records import Scene
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+ROUNDING = 1e-9
+"""Work below which none is done, over that of the largest traction and displacement."""
+
 
 def opening_numbers(
     level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi: Array
@@ -41,17 +44,18 @@ def opening_numbers(
         "pressure_max": np.max(-S_N, axis=1, initial=0.0),
         "opened_length": (s_N > 0.0) @ opening.c,
         "adhesion_resultant": S_N @ opening.c,
-        "mode_mixity": mode_mixity(level, v, xi),
+        "mode_mixity": mode_mixity(level, laws, v, xi),
         "debonded_length": debonded_length(level, scenes, laws, v),
     }
 
 
-def mode_mixity(level: Level, v: Array, xi: Array) -> Array:
+def mode_mixity(level: Level, laws: Laws, v: Array, xi: Array) -> Array:
     """Return the angle (P,) of the works in both directions where their sum is largest [degree].
 
-    It is 0 where a bond only opens and 90° where it only slides, NaN where none does work.
+    It is 0 where a bond only opens and 90° where it only slides, NaN where none does work but for
+    rounding.
 
-    v, xi: (P, m) slips and openings [m], and tractions [Pa]
+    laws: of rows (P, m);  v, xi: (P, m) slips and openings [m], and tractions [Pa]
     """
     opening = level.opening
     assert opening is not None
@@ -67,7 +71,10 @@ def mode_mixity(level: Level, v: Array, xi: Array) -> Array:
     work_T = work_T[row, largest]
     work_N = work_N[row, largest]
     angle = np.degrees(np.arctan2(work_T, work_N))
-    return np.where(work_T + work_N > 0.0, angle, np.nan)
+    strength = np.max(laws.scales[laws.index], axis=1)
+    traction = np.maximum(strength, np.max(np.abs(xi), axis=1))
+    noise = ROUNDING * traction * np.max(np.abs(v), axis=1)
+    return np.where(work_T + work_N > noise, angle, np.nan)
 
 
 class _Halves(NamedTuple):

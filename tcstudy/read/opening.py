@@ -13,13 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context
 from tcstudy.scene.mesh_plan import MeshPlan
-from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Boundary, Clamped, Contact, Edge, Free, Rigid, Role, Scene
-from tcstudy.scene.solver_plan import SolverPlan
 from tcstudy.scene.study import OutputPlan
 from tcstudy.shapes.edges import edge_normal
 from tcstudy.shapes.rigid_motions import components
@@ -92,17 +89,16 @@ def check_opening(
     root: Node,
     scenes: Sequence[Scene],
     mesh: MeshPlan | None,
-    solver: SolverPlan | None,
     output: OutputPlan | None,
 ) -> None:
     """Record what a study asks for and cannot have where contact is not bilateral.
 
     scenes: its points, none after a fault
-    mesh, solver, output: None where a section has faults
+    mesh, output: None where a section has faults
     """
     faults = [*_of_proofs(root, mesh)]
     if any(scene.opens for scene in scenes[:1]):
-        faults += [*_of_rays(scenes), *_of_requests(root, solver, output)]
+        faults += _of_requests(root, output)
     for keys, fault, remedy in faults:
         ctx.at(root.nearest(*keys), fault, remedy)
 
@@ -122,39 +118,13 @@ def _of_proofs(root: Node, mesh: MeshPlan | None) -> Iterator[Fault]:
 
 
 BILATERAL = "bilateral contact, and an edge is not held along its normal here"
-RAYS = False
-"""Whether the solver has openings that cannot be negative."""
 
 
-def _of_rays(scenes: Sequence[Scene]) -> Iterator[Fault]:
-    """Yield edges whose foundation is rigid, where that is not solved."""
-    if RAYS:
-        return
-    for scene in distinct(scenes, "boundary", "adhesion"):
-        for name, role in scene.boundary:
-            if isinstance(role, Contact) and role.normal == "unilateral":
-                fault = "a unilateral edge cannot be solved yet"
-                soft = f"adhesion: {{{name}: {{law: linear, k: 0, closing: 200 GPa/m}}}}"
-                yield ("boundary", name, "normal"), fault, f"give it a soft foundation: {soft}"
-                return
-        laws = scene.adhesion
-        records = [law for _, law, _ in laws.laws] if isinstance(laws, EdgeLaws) else [laws]
-        if any(law is not None and law.has_rays for law in records):
-            fault = "a bond on a rigid foundation cannot be solved yet"
-            yield ("adhesion",), fault, "give it a soft one, closing: 200 GPa/m"
-            return
-
-
-def _of_requests(
-    root: Node, solver: SolverPlan | None, output: OutputPlan | None
-) -> Iterator[Fault]:
+def _of_requests(root: Node, output: OutputPlan | None) -> Iterator[Fault]:
     """Yield what is asked of solutions and is not known of edges that open."""
     for key, reason in UNKNOWN.items():
         if root.at(*key.split(".")) is not None:
             yield tuple(key.split(".")), f"{reason} where an edge may open", f"remove {key}"
-    if solver is not None and solver.every:
-        fault = "all solutions are sought of the slip alone, and an edge may open"
-        yield ("solver", "branch"), fault, "write branch: lowest"
     if output is not None and output.live:
         fault = "a live page solves for the slip alone, and an edge may open"
         yield ("output", "live"), fault, "remove live: true"

@@ -14,7 +14,6 @@ from tcstudy.expressions.expression import value_of
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES, one_sided
-from tcstudy.read import opening
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.schema import schema
 from tcstudy.read.study import read_study_text
@@ -34,11 +33,6 @@ mesh: {maxh: 0.5 m}
 BILINEAR = SHAPES["bilinear"].build(tau=20e6, s0=4e-6, sf=14e-6)
 TWO_EDGES = "boundary.right=contact"
 CHECK = jsonschema.Draft202012Validator(schema())
-
-
-@pytest.fixture(autouse=True)
-def solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opening, "RAYS", True)
 
 
 def study(*options: str, text: str = ARM) -> Study:
@@ -294,16 +288,3 @@ def test_the_schema_knows_the_keys() -> None:
         bottom = {"bottom": {"role": "contact", "normal": normal}}
         assert CHECK.is_valid(arm | {"boundary": bottom}) is is_valid
     assert not CHECK.is_valid(arm | {"boundary": {"bottom": {"role": "free", "normal": "held"}}})
-
-
-def test_rigid_foundations_are_refused_where_they_are_not_solved(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(opening, "RAYS", False)
-    unilateral = ("adhesion=null", "boundary.bottom={role: contact, normal: unilateral}")
-    for options, fault in (((), "a bond on a rigid foundation"), (unilateral, "a unilateral edge")):
-        with pytest.raises(StudyError, match=f"{fault} cannot be solved yet"):
-            study(*options)
-    assert study("adhesion.closing=200 GPa/m").scenes
-    assert study("adhesion={bottom: {law: linear, k: 0, closing: 200 GPa/m}}").scenes
-    assert study("adhesion=null", "boundary.bottom={role: contact, normal: free}").scenes

@@ -10,7 +10,6 @@ import pytest
 from netgen import occ
 
 import tcstudy
-from tcstudy.read import opening
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.records import Edge
 from tcstudy.shapes.rigid_motions import boundary_pieces
@@ -495,11 +494,8 @@ BRITTLE = "adhesion={bond: {law: bilinear, sigma: 160 MPa, s0: 0.5 um, sf: 1.75 
         (["adhesion=null", SHEAR, "mesh.maxh=0.3 mm"], []),
     ],
 )
-def test_elements_for_arms_and_cohesive_zones(
-    overrides: list[str], said: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_elements_for_arms_and_cohesive_zones(overrides: list[str], said: list[str]) -> None:
     """Zones of a beam on a bilinear foundation: 1.316, 0.924 mm at 20, 40 MPa with s ~ 1/σ."""
-    monkeypatch.setattr(opening, "RAYS", True)
     notes = lint(read_study_text(PEEL, "a.yaml", overrides))
     found = [note for note in notes if "elements of" in note]
     assert len(found) == len(said), found
@@ -507,9 +503,8 @@ def test_elements_for_arms_and_cohesive_zones(
         assert any(re.search(words, note) for note in found), found
 
 
-def test_the_cohesive_zone_of_an_arm_is_that_of_a_beam(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cohesive_zone_of_an_arm_is_that_of_a_beam() -> None:
     """Kanninen's beam on a bilinear foundation, a = 42 mm (softening part of its closed form)."""
-    monkeypatch.setattr(opening, "RAYS", True)
     for sigma, zone in ((5, 2.689514), (10, 1.878359), (20, 1.316047), (40, 0.924345)):
         s0, sf = 80 / sigma, 280 / sigma
         law = f"adhesion={{law: bilinear, sigma: {sigma} MPa, s0: {s0} um, sf: {sf} um}}"
