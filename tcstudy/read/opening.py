@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context
+from tcstudy.scene.histories import HistoryPlan, Memory
 from tcstudy.scene.mesh_plan import MeshPlan
 from tcstudy.scene.records import Body, Boundary, Clamped, Contact, Edge, Free, Rigid, Role, Scene
 from tcstudy.scene.study import OutputPlan
@@ -90,15 +91,18 @@ def check_opening(
     scenes: Sequence[Scene],
     mesh: MeshPlan | None,
     output: OutputPlan | None,
+    history: HistoryPlan | None,
 ) -> None:
     """Record what a study asks for and cannot have where contact is not bilateral.
 
     scenes: its points, none after a fault
-    mesh, output: None where a section has faults
+    mesh, output, history: None where a section has faults, or is not there
     """
     faults = [*_of_proofs(root, mesh)]
     if any(scene.opens for scene in scenes[:1]):
         faults += _of_requests(root, output)
+        if history is not None and "history" not in UNKNOWN:
+            faults += _of_memory(history.memory, scenes[0])
     for keys, fault, remedy in faults:
         ctx.at(root.nearest(*keys), fault, remedy)
 
@@ -128,6 +132,18 @@ def _of_requests(root: Node, output: OutputPlan | None) -> Iterator[Fault]:
     if output is not None and output.live:
         fault = "a live page solves for the slip alone, and an edge may open"
         yield ("output", "live"), fault, "remove live: true"
+
+
+def _of_memory(memory: Memory, scene: Scene) -> Iterator[Fault]:
+    """Yield adhesive edges whose memory is none of an opening, which has one side."""
+    for edge in scene.adhesive_edges:
+        name = dict(memory.edges).get(edge, memory.name)
+        if name != "damage":
+            fault = f"{edge} opens by a law of one side, which has no memory {name}"
+            remedy = "write memory: damage"
+            if len(scene.edges(Contact)) > 1:
+                remedy = f"write memory: {{{edge}: damage, ...}}"
+            yield ("history", "memory"), fault, remedy
 
 
 UNKNOWN: Mapping[str, str] = {

@@ -165,7 +165,7 @@ def _one_body(
     if root.at("fit") and not ctx.errors.problems:
         fit = read_fit(ctx, reader, mesh, history)
     if reader.not_held:
-        check_opening(ctx, root, reader.scenes, mesh, output)
+        check_opening(ctx, root, reader.scenes, mesh, output, history)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (

@@ -169,6 +169,8 @@ def test_a_random_strength_is_drawn_along_the_bond() -> None:
     assert np.ptp(drawn) > 0.01
 
 
+PATH = "path={parameter: boundary.left.u_y, from: 0, to: 1 mm}"
+HISTORY = "history={memory: damage, steps: [{boundary.left.u_y: 1 mm}]}"
 POINTS = "adhesion={law: piecewise-linear, points"
 FAULTS = (
     # what is written wrongly
@@ -195,6 +197,8 @@ FAULTS = (
     ("mesh.estimate=true", "mesh.estimate: errors are estimated for bilateral contact", "levels"),
     ("mesh.family=adaptive", "mesh.family: errors are estimated for bilateral contact", "uniform or graded"),
     ("exact={u: [0, 0]}", "exact: an exact solution is of bilateral contact", "remove exact"),
+    (PATH, "path: no path is followed where an edge may open", "remove path"),
+    (HISTORY, "history: no history is followed where an edge may open", "remove history"),
     ("output.live=true", "output.live: a live page", "remove live: true"),
 )  # fmt: skip
 
@@ -218,6 +222,32 @@ def test_a_fault_has_its_place_in_the_file() -> None:
         key = {"adhesion=null": "sigma", "friction=null": "tau_s"}[absent]
         with pytest.raises(StudyError, match=f"the study has no section .*, so {key} cannot"):
             study(absent, f"sweep={{{key}: [1, 2]}}")
+
+
+@pytest.mark.parametrize(
+    "option", [PATH, HISTORY.replace("damage", "friction"), "solver.branch=all", "output.live=true"]
+)
+def test_edges_that_are_free_along_their_normal_take_what_knows_the_slip_alone(option: str) -> None:
+    assert study(option, "adhesion=null", "boundary.bottom={role: contact, normal: free}").scenes
+    for request in ("mesh.guarantee=true", "mesh.estimate=true"):
+        with pytest.raises(StudyError, match="for bilateral contact"):
+            study(request, "adhesion=null", "boundary.bottom={role: contact, normal: free}")
+
+
+@pytest.mark.parametrize(("memory", "fits"), [("damage", True), ("friction", False)])
+def test_an_opening_has_the_memory_damage_alone(
+    memory: str, fits: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opening, "UNKNOWN", {})
+    history = HISTORY.replace("damage", memory)
+    friction = "friction={law: tresca, tau: 2 MPa}"
+    if fits:
+        assert study(history, friction).scenes
+        return
+    with pytest.raises(StudyError, match="bottom opens by a law of one side, which has no memory"):
+        study(history, friction)
+    unilateral = "boundary.bottom={role: contact, normal: unilateral}"
+    assert study(history, friction, "adhesion=null", unilateral).scenes
 
 
 WEDGE = """\
