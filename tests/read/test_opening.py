@@ -14,6 +14,7 @@ from tcstudy.expressions.expression import value_of
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES, one_sided
+from tcstudy.read import opening
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.schema import schema
 from tcstudy.read.study import read_study_text
