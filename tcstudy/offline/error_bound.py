@@ -267,7 +267,7 @@ class ErrorBounds:
             corner_theta = level.temperature(scene).theta[mesh.triangles]
             thermal_stress = mesh.of_material(scene, "beta")[:, None] * corner_theta
         f, slope, oscillation2 = self._body_force(scene)
-        F, rest = dual.elements.volume_load(f, thermal_stress, slope)
+        F, rest = dual.volume_load(f, thermal_stress, slope)
         traction = np.zeros((len(mesh.segments), 2, 2))  # in x and y at the Gauss points
         for name, role in scene.boundary:
             on = mesh.on(name)
@@ -290,7 +290,7 @@ class ErrorBounds:
     def _body_force(self, scene: Scene) -> tuple[Array, Array | None, float]:
         """Return f at the centres, slopes of a linear f, and the square of what its rest can do.
 
-        f: (2,), or (t, 1, 2) where it varies;  slopes: (t, 2, 2), None for a constant f
+        f: (2,), or (t, 2) where it varies;  slopes: (t, 2, 2), None for a constant f
         """
         mesh = self.level.mesh
         numbers = [component for component in scene.f if not isinstance(component, Expression)]
@@ -306,7 +306,7 @@ class ErrorBounds:
             oscillation2 += float((poincare(mesh) * self._korn(scene)) ** 2 @ rest)
         at_corners = np.stack(corner_values, axis=2)
         slope = np.einsum("tki,tkc->tic", at_corners, mesh.slopes)
-        return at_corners.mean(axis=1, keepdims=True), slope, oscillation2
+        return at_corners.mean(axis=1), slope, oscillation2
 
     def _korn(self, scene: Scene) -> Array:
         """Return R_K/√2μ (t,) of oscillation.py."""

@@ -41,7 +41,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -79,6 +79,7 @@ class EquilibriumBody:
     then over edges.
 
     elements:     the triangles
+    loads:        of βθ and a constant f
     number:       (s,) numbers of the edges that are boundary segments
     axes:         (s, 2, 2) of these edges, an axis a column, (t, n) on Γ_C
     held:         (4e,) rows whose displacement is prescribed
@@ -90,6 +91,7 @@ class EquilibriumBody:
     """
 
     elements: Elements
+    loads: UnitLoads
     number: Indices
     axes: Array
     held: NDArray[np.bool_]
@@ -111,6 +113,33 @@ class EquilibriumBody:
         ends = self.elements.mesh.points[edges[self.number]]
         along = ends[:, 1:] - ends[:, :1]
         return ends[:, :1] + GAUSS[None, :, None] * along
+
+    @cached_property
+    def _linear_loads(self) -> UnitLoads:
+        """Return the unit loads of a linear f as well."""
+        _, loads = self.elements.factorised(N_LINEAR)
+        return loads
+
+    def volume_load(
+        self, f: Array, theta: Array, slope: Array | None = None
+    ) -> tuple[Array, float]:
+        """Return the load (4e,) of f and βθ, and Σ_K ‖(I − Π)ρ‖² of ρ = τ_p + βθI.
+
+        f:     (2,) or (t, 2), at the centres [N/m³];  theta: (t, 3) βθ at the corners [Pa]
+        slope: (t, 2, 2) ∂f_i/∂x_c of a linear f [N/m⁴]
+        """
+        n_triangles = len(theta)
+        loads = self.loads
+        columns = [theta, np.broadcast_to(f, (n_triangles, 2))]
+        if slope is not None:
+            loads = self._linear_loads
+            columns.append(slope.reshape(n_triangles, 4))
+        unit_data = np.concatenate(columns, axis=1)[..., None]
+        moments = np.matmul(loads.moments, unit_data)
+        rest = np.matmul(loads.rest, unit_data)
+        rows = self.elements.local_rows.ravel()
+        load = np.bincount(rows, moments.ravel(), minlength=len(self.held))
+        return load, float(np.sum(rest**2))
 
     def rows(self, u: Array) -> Array:
         """Return P1 displacements (n, 2) at the Gauss points of the edges, in local axes (4e,)."""
@@ -251,6 +280,25 @@ def _traction(n: Array) -> Array:
     return np.array([[n[0], 0.0, n[1]], [0.0, n[1], n[0]]])
 
 
+BLOCK = 512
+"""Triangles that are factorised together, so that their arrays fit into a cache."""
+N_CONSTANT = 5
+"""Data of a triangle: βθ at its three corners, f_x, f_y; then ∂f_i/∂x_c of a linear f."""
+N_LINEAR = 9
+
+
+class UnitLoads(NamedTuple):
+    """What each datum of a triangle does if it is 1 and the others are 0.
+
+    moments: (t, 12, d) P G⁻¹q − P_p
+    rest:    (t, d, d) R with ‖(I − Π)ρ‖² = |Ra|² for data a (d,) and ρ = τ_p + βθI,
+             Π the projection onto the stresses N in the norm of complementary energy
+    """
+
+    moments: Array
+    rest: Array
+
+
 @dataclass(frozen=True)
 class Elements:
     """Triangles with their moduli (t,) and the axes (e, 2, 2) of their edges."""
@@ -271,113 +319,155 @@ class Elements:
         rows = in_edge + edge_of_side[..., None, None]
         return rows.reshape(-1, 12)
 
-    def stiffness(self) -> Array:
-        """Return P G⁻¹Pᵀ (t, 12, 12) of every triangle."""
-        half, _ = self._factors("r")
-        return np.matmul(np.swapaxes(half, 1, 2), half)
+    def factorised(self, n_data: int = N_CONSTANT) -> tuple[Array, UnitLoads]:
+        """Return P G⁻¹Pᵀ (t, 12, 12) of every triangle, and its unit loads.
 
-    def volume_load(
-        self, f: Array, theta: Array, slope: Array | None = None
-    ) -> tuple[Array, float]:
-        """Return the load (4e,) of f and βθ, and ‖(I − Π)ρ‖² of ρ = τ_p + βθI.
-
-        f:     (2,) or, at the centres, (t, 1, 2) [N/m³];  theta: (t, 3) βθ at the corners [Pa]
-        slope: (t, 2, 2) ∂f_i/∂x_c of a linear f [N/m⁴]
-        Π: projection onto the stresses N in the norm of complementary energy
+        n_data: N_CONSTANT, or N_LINEAR for a linear f as well
         """
-        half, Q = self._factors("reduced")
+        n_triangles = len(self.lam)
+        stiffness = np.empty((n_triangles, 12, 12))
+        moments = np.empty((n_triangles, 12, n_data))
+        rest = np.empty((n_triangles, n_data, n_data))
         _, edge_of_side = self.mesh.edges
-        corners = np.concatenate([self.mesh.corners, self.mesh.centres[:, None]], axis=1)
-        tau = f * (corners[:, 3:] - corners)  # (t, 4, 2) xx and yy of τ_p
-        rho = tau + np.column_stack([theta, theta.mean(axis=1)])[..., None]
-        xx, yy = np.einsum("ij,tpjc->ctpi", WEIGHT, rho[:, PARTS])
-        xy, rest2 = np.zeros_like(xx), 0.0
-        if slope is not None:
-            quadratic, moments_of_slope = self._quadratic_stress(slope)
-            projected, complement = _quadratic_samples()
-            linear = np.einsum("sn,tpncd->cdtps", projected, quadratic)
-            xx, yy, xy = xx + linear[0, 0], yy + linear[1, 1], xy + linear[0, 1]
-            rest = np.einsum("sn,tpncd->cdtps", complement, quadratic)
-            rest2 = float(np.sum(self._samples(rest[0, 0], rest[1, 1], rest[0, 1]) ** 2))
-        samples = self._samples(xx, yy, xy)
-        coefficients = np.einsum("tsn,ts->tn", Q, samples)
-        remainder = samples - np.einsum("tsn,tn->ts", Q, coefficients)
-        side = corners[:, SIDES[:, 1]] - corners[:, SIDES[:, 0]]
-        tau_first = tau[:, SIDES[:, 0]]
-        tau_change = tau[:, SIDES[:, 1]] - tau_first
-        # (t, 3, 2, 2) at the Gauss points of the sides
-        tau_gauss = tau_first[:, :, None] + GAUSS[None, None, :, None] * tau_change[:, :, None]
+        for start in range(0, n_triangles, BLOCK):
+            some = slice(start, start + BLOCK)
+            axes = self.axes[edge_of_side[some]]
+            block = _Triangles(self.mesh.corners[some], self.lam[some], self.mu[some], axes)
+            stiffness[some], moments[some], rest[some] = block.factorised(n_data)
+        return stiffness, UnitLoads(moments, rest)
+
+
+@dataclass(frozen=True)
+class _Triangles:
+    """Triangles with the axes (t, 3, 2, 2) of their sides, an axis a column."""
+
+    corners: Array
+    lam: Array
+    mu: Array
+    axes: Array
+
+    def factorised(self, n_data: int) -> tuple[Array, Array, Array]:
+        """Return P G⁻¹Pᵀ (t, 12, 12), and `moments` and `rest` of UnitLoads.
+
+        With [S, Φ] the square roots of energy of the stresses N and of ρ of unit data,
+        [S, Φ] = Q[R, C; 0, R'] gives G = RᵀR, the projections C and the rest R'. This is by QR of
+        the stresses themselves: products SᵀS would lose twice as many digits where a triangle is
+        flat.
+        """
+        P = self._tractions()
+        stresses = self._samples(self._stresses())
+        data, moments, complement = self._unit_stresses(n_data)
+        samples = np.concatenate([stresses, self._samples(data)], axis=2)
+        if complement is not None:  # orthogonal to all that is linear
+            below = np.zeros((len(P), complement.shape[1], 9 + n_data))
+            below[..., 9 + N_CONSTANT :] = complement
+            samples = np.concatenate([samples, below], axis=1)
+        R = np.asarray(np.linalg.qr(samples, mode="r"))
+        projections, rest = np.split(R[..., 9:], [9], axis=1)
+        half = np.linalg.solve(np.swapaxes(R[:, :9, :9], 1, 2), np.swapaxes(P, 1, 2))
+        transposed = np.swapaxes(half, 1, 2)
+        return np.matmul(transposed, half), np.matmul(transposed, projections) - moments, rest
+
+    def _tractions(self) -> Array:
+        """Return P (t, 12, 9): τn|e| = det B · B τ̂n̂|ê| with τ = B τ̂ Bᵀ."""
+        _, sides = _reference()
+        B, det = self._maps
+        turned = np.einsum("t,tkja,tjb->tkab", det, self.axes, B)
+        moments = np.einsum("tkab,kgbn->tkgan", turned, sides, optimize=True)
+        return np.asarray(moments.reshape(-1, 12, 9))
+
+    def _stresses(self) -> Array:
+        """Return the stresses N (t, 3, 9, 9) by component, weighted corner of a part, and number."""
+        N, _ = _reference()
+        weighted = np.einsum("ij,pjcn->cpin", WEIGHT, N).reshape(3, -1)
+        return np.asarray(np.matmul(self._tensor_maps, weighted).reshape(-1, 3, 9, 9))
+
+    def _unit_stresses(self, n_data: int) -> tuple[Array, Array, Array | None]:
+        """Return ρ = τ_p + βθI of unit data, the moments P_p, and what is not linear of ρ.
+
+        ρ:    (t, 3, 9, d) by component and weighted corner of a part
+        P_p:  (t, 12, d)
+        rest: (t, 54, d − N_CONSTANT) numbers whose squares sum to that of the rest, or None
+        """
+        centres = self.corners.mean(axis=1, keepdims=True)
+        # of unit f: xx and yy of τ_p at the corners and the centre
+        tau = centres - np.concatenate([self.corners, centres], axis=1)
+        rho = np.zeros((len(tau), 3, 3, 3, n_data))  # by component, part, corner
+        rho[:, :2, :, :, :3] = WEIGHT @ np.vstack([np.eye(3), np.full(3, 1.0 / 3.0)])[PARTS]
+        weighted = np.matmul(WEIGHT, tau[:, PARTS])
+        rho[:, 0, :, :, 3], rho[:, 1, :, :, 4] = np.moveaxis(weighted, -1, 0)
+        moments = np.zeros((len(tau), 12, n_data))
+        moments[..., 3:5] = self._side_moments(tau)
+        complement = None
+        if n_data > N_CONSTANT:
+            linear, complement, moments[..., N_CONSTANT:] = self._quadratic_stresses()
+            rho[..., N_CONSTANT:] = linear
+        return rho.reshape(-1, 3, 9, n_data), moments, complement
+
+    def _side_moments(self, tau: Array) -> Array:
+        """Return the moments (t, 12, 2) of diag(tau, 0) and diag(0, tau) at the Gauss points.
+
+        tau: (t, 4, 2) xx and yy at the corners and the centre
+        """
+        first, last = SIDES.T
+        side = self.corners[:, last] - self.corners[:, first]
         outward = 0.5 * np.stack([side[..., 1], -side[..., 0]], axis=-1)
-        axes = self.axes[edge_of_side]
-        moments = np.einsum("tkga,tka,tkab->tkgb", tau_gauss, outward, axes).reshape(-1, 12)
-        if slope is not None:
-            moments = moments + np.einsum("tkga,tkab->tkgb", moments_of_slope, axes).reshape(-1, 12)
-        triangle_loads = np.einsum("tnk,tn->tk", half, coefficients) - moments
-        load = np.zeros(4 * len(self.axes))
-        np.add.at(load, self.local_rows, triangle_loads)
-        return load, float(np.sum(remainder**2)) + rest2
+        change = tau[:, last] - tau[:, first]
+        at_gauss = tau[:, first, None] + GAUSS[:, None] * change[:, :, None]
+        moments = np.einsum("tkga,tka,tkab->tkgba", at_gauss, outward, self.axes)
+        return np.asarray(moments.reshape(-1, 12, 2))
 
-    def _quadratic_stress(self, slope: Array) -> tuple[Array, Array]:
-        """Return the stress of f = slope·(x − x_z) and its moments at the sides' Gauss points.
+    def _quadratic_stresses(self) -> tuple[Array, Array, Array]:
+        """Return what τ_p of f_i = x_c − x_zc is, by i and c.
 
-        Stress: (t, 3, 6, 2, 2) by part and node;  moments: (t, 3, 2, 2) in x and y
+        Its projection onto linear functions on the parts (t, 3, 3, 3, 4) by component, part and
+        weighted corner, the rest (t, 54, 4) as samples, and its moments (t, 12, 4).
         """
         fields = _quadratic_fields()
         B, det = self._maps
         # div(Bτ̂Bᵀ) = B div τ̂, so that the reference triangle carries B⁻¹f
-        reference_slope = np.linalg.solve(B, slope @ B)
-        components = np.einsum("pncij,tij->tpnc", fields.stress, reference_slope)
-        stress = np.einsum("tab,cbd,ted,tpnc->tpnae", B, TENSORS, B, components, optimize=True)
-        traction = np.einsum("kgaij,tij->tkga", fields.traction, reference_slope)
-        return stress, np.einsum("t,tab,tkgb->tkga", det, B, traction)
+        unit_slopes = np.eye(4).reshape(4, 2, 2)
+        slopes = np.linalg.solve(B[:, None], np.matmul(unit_slopes, B[:, None]))
+        components = np.einsum("pncij,tsij->tcpns", fields.stress, slopes)
+        stress = np.einsum("tdc,tcpns->tdpns", self._tensor_maps, components)
+        projection, complement = _quadratic_samples()
+        linear = np.einsum("mn,tcpns->tcpms", projection, stress)
+        rest = np.einsum("mn,tcpns->tcpms", complement, stress)
+        traction = np.einsum("kgaij,tsij->tkgas", fields.traction, slopes)
+        moments = np.einsum("t,tab,tkac,tkgbs->tkgcs", det, B, self.axes, traction, optimize=True)
+        return linear, self._samples(rest), moments.reshape(-1, 12, 4)
 
-    def _factors(self, mode: Literal["r", "reduced"]) -> tuple[Array, Array]:
-        """Return R⁻ᵀPᵀ (t, 9, 12) and, in mode "reduced", Q (t, 27, 9).
-
-        With τ = B τ̂ Bᵀ the traction is τn|e| = det B · B τ̂n̂|ê|. G = RᵀR by QR of the stresses
-        themselves: their products would lose twice as many digits where a triangle is flat.
-        """
-        N, sides = _reference()
-        B, det = self._maps
-        _, edge_of_side = self.mesh.edges
-        axes = self.axes[edge_of_side]
-        moments = np.einsum("t,tkja,tjb,kgbn->tkgan", det, axes, B, sides, optimize=True)
-        P = moments.reshape(len(B), 12, 9)
-        tensors = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
-        stress = np.einsum("tcae,ij,pjcn->aetpin", tensors, WEIGHT, N, optimize=True)
-        samples = self._samples(stress[0, 0], stress[1, 1], stress[0, 1])
-        Q: Array = np.empty(0)
-        R: Array
-        if mode == "reduced":
-            Q, R = np.linalg.qr(samples, mode="reduced")
-        else:
-            R = np.asarray(np.linalg.qr(samples, mode="r"))
-        half = np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2))
-        return half, Q
-
-    @property
+    @cached_property
     def _maps(self) -> tuple[Array, Array]:
         """Return B (t, 2, 2) of the maps from the reference triangle, and the determinants (t,)."""
-        corners = self.mesh.corners
-        first = corners[:, 1] - corners[:, 0]
-        second = corners[:, 2] - corners[:, 0]
+        first = self.corners[:, 1] - self.corners[:, 0]
+        second = self.corners[:, 2] - self.corners[:, 0]
         B = np.stack([first, second], axis=-1)
         return B, np.linalg.det(B)
 
-    def _samples(self, xx: Array, yy: Array, xy: Array) -> Array:
-        """Return numbers (t, 9k, …) whose squares sum to ∫c⁻¹σ : σ.
+    @cached_property
+    def _tensor_maps(self) -> Array:
+        """Return the maps (t, 3, 3) from the components xx, yy, xy of τ̂ to those of B τ̂ Bᵀ."""
+        B, _ = self._maps
+        tensors = np.einsum("tab,cbd,ted->taec", B, TENSORS, B, optimize=True)
+        return np.stack([tensors[:, 0, 0], tensors[:, 1, 1], tensors[:, 0, 1]], axis=1)
+
+    def _samples(self, stress: Array) -> Array:
+        """Return numbers (t, 3k, d) whose squares sum to ∫c⁻¹σ : σ of d stresses.
 
         c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ)
-        xx, yy, xy: (t, 3, k, …) a stress on the parts of the triangles, by part and k weighted
-        values, three of a linear stress
+        stress: (t, 3, …, d) components of σ at k weighted values, three a part of a linear stress
         """
         _, det = self._maps
-        by_triangle = (-1, *(1,) * (xx.ndim - 1))
-        shear = np.sqrt(det / (2.0 * self.mu)).reshape(by_triangle)
-        bulk = np.sqrt(det / (4.0 * (self.lam + self.mu))).reshape(by_triangle)
-        difference = np.sqrt(0.5) * shear * (xx - yy)
-        parts = np.concatenate([difference, np.sqrt(2.0) * shear * xy, bulk * (xx + yy)], axis=2)
-        return parts.reshape(len(xx), -1, *xx.shape[3:])
+        n_triangles, n_stresses = len(stress), stress.shape[-1]
+        roots = np.empty((n_triangles, 3, 3))
+        shear = np.sqrt(det / (2.0 * self.mu))[:, None]
+        bulk = np.sqrt(det / (4.0 * (self.lam + self.mu)))[:, None]
+        roots[:, 0] = np.sqrt(0.5) * shear * [1.0, -1.0, 0.0]
+        roots[:, 1] = np.sqrt(2.0) * shear * [0.0, 0.0, 1.0]
+        roots[:, 2] = bulk * [1.0, 1.0, 0.0]
+        samples = np.matmul(roots, stress.reshape(n_triangles, 3, -1))
+        return samples.reshape(n_triangles, -1, n_stresses)
 
 
 ROUNDINGS = 4.0
@@ -451,12 +541,14 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     rows = elements.local_rows
     row_numbers = np.repeat(rows, 12, axis=1).ravel()
     column_numbers = np.tile(rows, (1, 12)).ravel()
-    entries = elements.stiffness().ravel()
-    K = sp.coo_array((entries, (row_numbers, column_numbers)), shape=(4 * e, 4 * e)).tocsr()
+    stiffness, loads = elements.factorised()
+    K = sp.coo_array(
+        (stiffness.ravel(), (row_numbers, column_numbers)), shape=(4 * e, 4 * e)
+    ).tocsr()
     if np.any(springs):
-        stiffness = np.zeros((2, 2, e))
-        stiffness[:, :, number] = (springs * half[:, None]).T
-        K = sp.csr_array(K + sp.diags_array(stiffness.ravel()))
+        spring_rows = np.zeros((2, 2, e))
+        spring_rows[:, :, number] = (springs * half[:, None]).T
+        K = sp.csr_array(K + sp.diags_array(spring_rows.ravel()))
     held_rows = np.zeros((2, 2, e), dtype=bool)
     held_rows[:, :, number] = held.T
     eliminated = ~held_rows
@@ -475,6 +567,7 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     condensation = condense(tied_K, middles, contact_rows, is_eliminated, components=4)
     return EquilibriumBody(
         elements,
+        loads,
         number,
         axes,
         held_rows.ravel(),
@@ -615,7 +708,7 @@ def shape_constants(shapes: tuple[Point, ...]) -> Array:
     corners = np.stack([zero, zero, zero + 1.0, zero, *np.array(shapes).T], axis=1)
     triangles = TriangleGeometry(corners.reshape(-1, 2), np.arange(3 * n).reshape(n, 3))
     axes = np.tile(np.eye(2), (3 * n, 1, 1))
-    K = Elements(triangles, zero, zero + 0.5, axes).stiffness()
+    K, _ = Elements(triangles, zero, zero + 0.5, axes).factorised()
     for level in range(REFINEMENTS):
         gauss = np.arange(2 * 2**level)  # Gauss points of a part's side
         size = 18 * len(gauss)

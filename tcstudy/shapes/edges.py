@@ -383,8 +383,9 @@ class TriangleGeometry:
     def edges(self) -> tuple[Indices, Indices]:
         """(e, 2) edges, ends ascending, and (t, 3) those of triangles in the order of `sides`."""
         ascending = np.sort(self.sides, axis=1)
-        edges, edge_of_side = np.unique(ascending, axis=0, return_inverse=True)
-        return edges, edge_of_side.reshape(-1, 3)
+        keys = ascending[:, 0] * len(self.points) + ascending[:, 1]
+        _, first, edge_of_side = np.unique(keys, return_index=True, return_inverse=True)
+        return ascending[first], edge_of_side.reshape(-1, 3)
 
     def sides_at(self, pairs: Indices) -> Indices:
         """Return (s,) numbers of the sides between nodes of pairs (s, 2), −1 for none."""

@@ -165,7 +165,7 @@ def test_a_linear_body_force_is_in_equilibrium() -> None:
     f, slope, oscillation2 = bounds._body_force(scene)
     assert oscillation2 == 0.0
     mesh, dual = level.mesh, level.dual(scene)[0]
-    load, _ = dual.elements.volume_load(f, np.zeros((len(mesh.triangles), 3)), slope)
+    load, _ = dual.volume_load(f, np.zeros((len(mesh.triangles), 3)), slope)
     x, y = mesh.points.T
     one, zero = np.ones(len(x)), np.zeros(len(x))
     # ∫f, ∫(x f_y − y f_x) over 2 × 1
