@@ -434,23 +434,30 @@ def band_variables(body: str = "body") -> tuple[FileVariable, ...]:
 
 def bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
     """Return the variables of proved bounds of errors."""
-    exact = f"of the solution of the {body}, not of a finer mesh; proved"
+    exact = f"of the solution of the {body}, not of a finer mesh"
     norm = f"over the norm of the solution of the {body}, no less; missing where that may be 0"
-    bound = "bound of the error" if body == "body" else f"bound of the error of the {body}"
+    of = _of_polygon(body)
     return (
-        result("error_bound", "J0.5 m-0.5", bound, exact),
-        result("error_bound_relative", "1", f"relative {bound}", norm),
+        result("error_bound", "J0.5 m-0.5", f"proved bound of the error of u{of}", exact),
+        result("error_bound_relative", "1", f"proved bound of the relative error of u{of}", norm),
     )
+
+
+def _of_polygon(body: str) -> str:
+    """Return what a name of a bound ends with where it is not of the body."""
+    return "" if body == "body" else f", of the {body}"
 
 
 def slip_bound_variables(body: str = "body") -> tuple[FileVariable, ...]:
     """Return the variables of proved bounds of slips and of the friction resultant."""
-    exact = f"against the solution of the {body}; proved"
-    slip = "bound of the error of the mean slip of every segment"
+    exact = f"against the solution of the {body}"
+    of = _of_polygon(body)
+    slip = f"proved bound of the error of the mean slip of every segment{of}"
+    resultant = f"proved bound of the error of the friction resultant{of}"
     held = f"{exact}; missing where an end of the contact line is constrained"
     return (
         result("slip_bound", "m", slip, exact),
-        result("friction_bound", "N m-1", "bound of the error of the friction resultant", held),
+        result("friction_bound", "N m-1", resultant, held),
     )
 
 

@@ -160,6 +160,8 @@ def write_record(
             put_all(nc, record.tables, values, study)
 
     all_attributes = {**attributes, CONTENT: record.kind}
+    if study.mesh.bounds_errors:
+        all_attributes[GUARANTEE] = study.mesh.guarantee
     for name, value in record.attributes.items():
         all_attributes[name] = without_paths(value) if isinstance(value, str) else value
     write_dataset(path, all_attributes, make, seen=seen)

@@ -589,18 +589,28 @@ BOUND = Measure(
     "1",
     "proved bound of the error of the displacement, energy norm",
 )
+ESTIMATE = Measure(
+    "u_estimate",
+    "u in energy, estimated",
+    "1",
+    "estimated error of the displacement, energy norm",
+)
 MEASURES: tuple[Measure, ...] = (
     *ERRORS,
+    ESTIMATE,
     BOUND,
     *(m for m in NUMBERS if m.name in ("energy", "friction_resultant")),
 )
-"""Errors that a chart may show, relative to the reference; the bound needs a guarantee instead."""
+"""Errors that a chart may show, relative to the reference.
+
+Estimate and bound need a guarantee instead.
+"""
 _MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
 
 
 def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
     """Return the variables of an error, and of whether it is dominated."""
-    is_error = measure in (*ERRORS, BOUND)
+    is_error = measure in (*ERRORS, ESTIMATE, BOUND)
     error = measure.long_name if is_error else f"error of the {measure.long_name}"
     dominated = f"whether another setting is as fast and as accurate: {error}"
     front = flags("on_the_front", "dominated")

@@ -138,7 +138,8 @@ class EquilibriumBody:
         moments = np.matmul(loads.moments, unit_data)
         rest = np.matmul(loads.rest, unit_data)
         rows = self.elements.local_rows.ravel()
-        load = np.bincount(rows, moments.ravel(), minlength=len(self.held))
+        load = np.zeros(len(self.held))
+        np.add.at(load, rows, moments.ravel())
         return load, float(np.sum(rest**2))
 
     def rows(self, u: Array) -> Array:

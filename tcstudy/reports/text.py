@@ -47,6 +47,13 @@ def number(value: float, digits: int = 4) -> str:
     return text
 
 
+def in_sentences(remark: str) -> str:
+    """Return the lines of a warning as sentences of one paragraph."""
+    *lines, remedy = (line.strip() for line in remark.split("\n"))
+    ended = (line if line.endswith((".", ":")) else f"{line}." for line in lines)
+    return " ".join([*ended, remedy])
+
+
 def counted(number: int, noun: str) -> str:
     """Return a number with its noun: 1 point, 2 points."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.orders import dominated, equal_settings
 from tcstudy.data.records import Journal, Record
 from tcstudy.data.schema import PointStatus, missing
-from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
+from tcstudy.data.tables import BOUND, COST_TABLE, ESTIMATE, MEASURES, OWN
 from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
@@ -69,6 +69,8 @@ LEAST_FINER = 2
 MAX_REFERENCE_DOFS = 1_500_000
 REFERENCE_MARKING = 0.7
 """Least bulk marking parameter of the reference: few levels lead to its mesh."""
+PROVED_OR_ESTIMATED = ((ESTIMATE, "error_estimate"), (BOUND, "error_bound_relative"))
+"""Errors of a study with a guarantee that need no reference, and their names in a run."""
 MAX_U_DIFFERENCE = 1e-8
 """Relative difference of two solvers' u_T that makes no difference to an error."""
 
@@ -204,7 +206,9 @@ def _put_times(
 
 def _times_of_another_run(study: Study, curve: CostCurve) -> list[Times]:
     """Make the levels of a curve again with the solvers that it has, and return their times."""
-    plan = curve.plan if curve.family == OWN else replace(curve.plan, guarantee="none")
+    plan = curve.plan
+    if curve.family != OWN:
+        plan = replace(plan, guarantee="none", estimate=False)
     steps = walk(study, plan, partial(_has_solution, curve.levels))
     return [times for _, times in islice(steps, len(curve.levels))]
 
@@ -332,7 +336,7 @@ def follow(curve: CostCurve, study: Study, progress: Progress, notes: list[str])
 def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
     """Return the meshes of a family that starts from the study's coarsest mesh.
 
-    It has the study's grading, marking, goal and guarantee.
+    It has the study's grading, marking, goal and guarantee; errors are estimated beside bounds.
     """
     return replace(
         plan,
@@ -341,7 +345,7 @@ def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
         family=family,
         tolerance=None,
         max_dofs=10**9,
-        estimate=False,
+        estimate=plan.bounds_errors,
     )
 
 
@@ -432,7 +436,7 @@ def _reference_level(study: Study, finest: int, progress: Progress) -> SolvedLev
     least_dofs = max(LEAST_FINER * finest, min(FINER * finest, MAX_REFERENCE_DOFS))
     plan = family_plan(study.mesh, "adaptive")
     marking = max(plan.marking, REFERENCE_MARKING)
-    plan = replace(plan, guarantee="none", goal=Goal(), marking=marking)
+    plan = replace(plan, guarantee="none", goal=Goal(), marking=marking, estimate=False)
     last: SolvedLevel | None = None
     try:
         for level, _ in walk(study, plan):
@@ -461,7 +465,7 @@ def errors_of(
     compare with.
     """
     values = _empty_values(study, curves, runs)
-    norms = {BOUND.name: 1.0}
+    norms = {BOUND.name: 1.0, ESTIMATE.name: 1.0}
     finest = 0
     for number, curve in enumerate(curves):
         for i, level in enumerate(curve.levels):
@@ -510,13 +514,15 @@ def _put_solution(
 def _put_bounds(
     values: dict[str, Any], study: Study, number: int, i: int, level: SolvedLevel
 ) -> None:
-    """Put the error bound of a level beside all solutions that it is of."""
+    """Put estimate and bound of the error of a level beside all solutions that they are of."""
+    if not study.mesh.bounds_errors:
+        return
     first = level.solutions[study.solver.names[0]]
-    bound = first.numbers.get("error_bound_relative", math.nan)
     for name, solution in level.solutions.items():
         if solution is first or _is_same(solution, first):
-            solver = study.solver.names.index(name)
-            values[f"error_{BOUND.name}"][number, solver, i] = bound
+            at = number, study.solver.names.index(name), i
+            for measure, variable in PROVED_OR_ESTIMATED:
+                values[f"error_{measure.name}"][at] = first.numbers.get(variable, math.nan)
 
 
 def _is_same(solution: Solution, other: Solution) -> bool:

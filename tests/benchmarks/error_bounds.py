@@ -1,8 +1,9 @@
 """Is the error of random scenes within its bound? `python -m tests.benchmarks.error_bounds [COUNT]
-[--first SEED] [--kind KIND]`.
+[--first SEED] [--kind KIND] [--halvings 2] [--finer 2]`.
 
 Scenes of tests/verification/test_error_bound.py: bodies of 1 cm to 100 m as in test_guaranteed.py,
-all kinds of loads, laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice.
+all kinds of loads, laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice,
+or as often as --finer says; --halvings 2 refines the scene's own mesh before.
 KIND: "heat" for computed temperatures, or one of that file's kinds of data that the elements do not
 have.
 Cost: CPU time of a bound over that of the P1 factorisation of the same mesh.
@@ -19,7 +20,7 @@ from tests.verification.test_heat_bound import heated_scene_of
 
 
 def main() -> None:
-    asked = options(__doc__, "count=500", first=0, kind="")
+    asked = options(__doc__, "count=500", first=0, kind="", halvings=0, finer=3)
     below, ratios, steep, refused = [], [], [], 0
     for seed in range(asked.first, asked.first + asked.count):
         clock = time.process_time()
@@ -32,7 +33,7 @@ def main() -> None:
         except GeometryFailed:
             refused += 1
             continue
-        error, bound, relative = bounded(text)
+        error, bound, relative = bounded(text, asked.halvings, asked.finer)
         ratios.append(bound / error)
         steep.append(share)
         below += [seed] * (bound < error * (1.0 - 1e-9))

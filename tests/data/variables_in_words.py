@@ -212,7 +212,7 @@ def _accuracy() -> Iterator[str]:
             for m in (*tables.ERRORS, *tables.NUMBERS)
         ),
     )
-    yield from _chapter("Cost", "Errors have the names of `converge`, and `u_bound`.")
+    yield from _chapter("Cost", "Errors have the names of `converge`, `u_estimate` and `u_bound`.")
     errors = {f"{part}_{m.name}" for part in ("error", "dominated") for m in tables.MEASURES}
     yield from _table(v for v in tables.COST_TABLE if v.name not in errors)
     yield "\n"

@@ -218,6 +218,7 @@ def test_all_families_and_solvers_are_measured_and_errors_fall(cost: Record) -> 
 def test_a_guarantee_charts_the_proved_bound_above_the_error() -> None:
     cost = _measure(study_of(PULLED, *SMALL, "mesh.guarantee=true", WEAK))
     held = cost.values["status"][:, 0] == PointStatus.OK
+    assert np.isfinite(cost.values["error_u_estimate"][:, 0][held]).all()
     bound, error = (cost.values[f"error_{name}"][:, 0][held] for name in ("u_bound", "u_energy"))
     assert np.all(bound > error)
     assert np.all(

@@ -16,7 +16,7 @@ from tcstudy.errors import StudyError
 from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
-from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.terminal.summary import text_of, verdict_of
 from tcstudy.scene.guarantee import why_no_bound
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
@@ -80,11 +80,13 @@ def energy_norm(level: Level, scene: Scene, u: Array) -> float:
     )
 
 
-def bounded(text: str) -> tuple[float, float, float]:
-    """Error of the coarse mesh against the mesh refined thrice, its bound, and the relative
-    bound."""
-    study = study_of(text, "mesh.levels=4")
-    scene, levels = study.scenes[0], levels_of(study)
+def bounded(text: str, halvings: int = 0, finer: int = 3) -> tuple[float, float, float]:
+    """Error of a mesh against a finer one, its bound, and the relative bound.
+
+    halvings: how often the triangles of the scene are halved;  finer: and those of that mesh
+    """
+    study = study_of(text, f"mesh.levels={halvings + finer + 1}")
+    scene, levels = study.scenes[0], levels_of(study)[halvings:]
     v = [solve_contact(level.condensed(scene).problem).v for level in (levels[0], levels[-1])]
     found = ErrorBounds(levels[0]).look(scene, v[0])
     u = levels[0].displacement(scene, v[0]).reshape(2, -1)
@@ -283,6 +285,9 @@ def test_convergence_has_the_bound_beside_the_error(tmp_path: Path) -> None:
     known = data["compared"].values == 1
     assert (data["bound_u_energy"] > data["error_u_energy"])[known].all()
     assert np.isfinite(data["estimate_u_energy"]).all()
+    assert "proved bound: of the relative error of u for the body itself" in text_of(
+        tmp_path / "s.nc"
+    )
 
 
 TWO_LAWS = """

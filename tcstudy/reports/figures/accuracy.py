@@ -19,11 +19,14 @@ from tcstudy.reports.terminal.accuracy import (
     EXACT,
     GROUPS,
     SYMBOLS,
+    UNREFERENCED,
     Setting,
     advice,
+    bound_words,
     front,
     settings,
     shown,
+    unreferenced,
 )
 from tcstudy.scene.mesh_plan import FAMILIES
 
@@ -39,6 +42,8 @@ LOOKS = (
     {"color": style.INK, "marker": "^", "markersize": 4, "linewidth": 1.1},
 )
 """Looks of the first, second and third error of a panel: none hides another below it."""
+DASHES = (":", "-.")
+"""Line styles of estimates and proved bounds."""
 PANEL, LEGEND_LINE = 2.55, 0.18
 """Height of a panel and of a line of its legend [inch]."""
 BESIDE = 0.2
@@ -158,9 +163,9 @@ def _draw_estimates(panel: Panel, selected: Any, states: Mapping[str, str]) -> N
     """Draw estimates and bounds, which stand by themselves in the file."""
     h = selected["h_max"].values
     names = [name for name in BY_ITSELF if name.split("_", 1)[1] in states and name in selected]
-    for name, dash in zip(names, (":", "-."), strict=False):
+    for name, dash in zip(names, DASHES, strict=False):
         look = {"color": style.INK, "linestyle": dash, "linewidth": 1.2}
-        panel.line(h, selected[name].values, **look, label=name.split("_")[0])
+        panel.line(h, selected[name].values, **look, label=UNREFERENCED[name.split("_")[0]])
 
 
 def _draw_expected_orders(panel: Panel, selected: Any, states: Mapping[str, str]) -> None:
@@ -214,6 +219,8 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
         style.point_words(data.attrs["point"], axis_symbols(data)),
         f"reference: {data.attrs['reference']}",
     ]
+    if unreferenced(data, measure):
+        facts += bound_words(data)
     title, feet = data.attrs["title"], advice(measured)
     sheet = Sheet(look, title, facts, [("time", "unknowns")], [CHART], feet)
     sheet.draw(cost_panels(data, measure))
@@ -249,6 +256,7 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
             _draw_times(time, family, curve, LINES[number % len(LINES)], alpha)
             if number == 0:
                 _draw_unknowns(unknowns, family, curve)
+                _draw_unreferenced(unknowns, curve)
     for number, solver in enumerate(solvers):
         look = {"color": style.INK, "linestyle": LINES[number % len(LINES)], "linewidth": 1.2}
         time.line([], [], **look, label=solver)
@@ -258,6 +266,11 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
         look |= {"linestyle": "none", "markerfacecolor": "white"}
         time.line([], [], **look, label="open: dominated, or not converged")
     errors = [setting.error for setting in measured if setting.error > 0]
+    for setting in measured:
+        errors += [error for error in setting.without_reference if error > 0]
+    for name, dash in zip(unreferenced(data, measure), DASHES, strict=False):
+        label = UNREFERENCED[name.name.removeprefix("u_")]
+        unknowns.line([], [], color=style.INK, linestyle=dash, linewidth=0.9, label=label)
     if errors:
         limits = min(errors) / 1.6, max(errors) * 1.6
         time.limits[1] = limits
@@ -299,6 +312,15 @@ def _draw_unknowns(panel: Panel, family: str, curve: Sequence[Setting]) -> None:
         rate, _ = np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)
         look = {"color": COLOURS[family], "fontsize": 9}
         panel.note(f"N^{rate:.2f}", (n[-1], error[-1]), (7, 3), **look)
+
+
+def _draw_unreferenced(panel: Panel, curve: Sequence[Setting]) -> None:
+    """Draw the estimates and proved bounds of a family over the unknowns."""
+    n_dof = [setting.n_dof for setting in curve]
+    columns = zip(*(setting.without_reference for setting in curve), strict=True)
+    for errors, dash in zip(columns, DASHES, strict=False):
+        look = {"color": COLOURS[curve[0].family], "linestyle": dash, "linewidth": 0.9}
+        panel.line(n_dof, errors, **look)
 
 
 def _draw_own_setting(time: Panel, unknowns: Panel, measured: Sequence[Setting]) -> None:

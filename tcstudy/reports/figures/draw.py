@@ -22,6 +22,7 @@ from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.terminal.accuracy import SYMBOLS, measure_of
+from tcstudy.reports.text import in_sentences
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +54,8 @@ def drawn(
     make = _maker(kind, options)
     warnings: tuple[str, ...] = ()
     if size is None and ax is None:
-        warnings = tuple(f"Warning: {remark}" for remark in remarks_of(attributes(file)))
+        remarks = remarks_of(attributes(file))
+        warnings = tuple(f"Warning: {in_sentences(str(remark))}" for remark in remarks)
     look = style.look_of(size, warnings, ax, panel)
     with reading(file), style.styled(look):
         figure, words = make(file, look, **options)

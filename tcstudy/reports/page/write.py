@@ -67,7 +67,7 @@ from tcstudy.reports.symbols import GREEK, symbol
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import solvers_compared, verdict_of
-from tcstudy.reports.text import Verdict, spelled
+from tcstudy.reports.text import Verdict, in_sentences, spelled
 from tcstudy.scene.keys import ROWS
 
 MAX_STATE_BYTES = 4_000_000
@@ -471,7 +471,7 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
 
 
 def _warning(text: str) -> str:
-    return f'<p class="warning">Warning: {html.escape(text)}</p>\n'
+    return f'<p class="warning">Warning: {html.escape(in_sentences(text))}</p>\n'
 
 
 def _filled(texts: Mapping[str, str]) -> str:

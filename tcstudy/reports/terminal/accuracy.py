@@ -12,8 +12,19 @@ import numpy as np
 from tcstudy.accuracy.limits import MIN_LEVELS as LIMIT_LEVELS
 from tcstudy.accuracy.orders import TIED, dominated, equal_settings
 from tcstudy.data.reading import axis_names, by_point, each_point
-from tcstudy.data.schema import PointStatus
-from tcstudy.data.tables import BY_ITSELF, ERRORS, MEASURES, NUMBERS, OWN, VERDICTS, Measure
+from tcstudy.data.schema import POLYGON, PointStatus
+from tcstudy.data.store import GUARANTEE
+from tcstudy.data.tables import (
+    BOUND,
+    BY_ITSELF,
+    ERRORS,
+    ESTIMATE,
+    MEASURES,
+    NUMBERS,
+    OWN,
+    VERDICTS,
+    Measure,
+)
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
@@ -297,6 +308,26 @@ def _fitted_order(point: Any, measure: Measure) -> str:
     return text if is_solved else f"({text})"
 
 
+UNREFERENCED = {"estimate": "estimate", "bound": "proved bound"}
+"""Errors that need no reference, in words."""
+
+
+def bound_words(data: Any) -> list[str]:
+    """Return a sentence on what the proved bounds of a file are of, if it has any."""
+    guarantee = data.attrs.get(GUARANTEE)
+    if guarantee is None:
+        return []
+    body = f"the {POLYGON}" if guarantee == "polygon" else "the body itself"
+    return [f"proved bound: of the relative error of u for {body}; it needs no reference"]
+
+
+def unreferenced(data: Any, measure: str) -> list[Measure]:
+    """Return what a file of costs has beside an error without a reference."""
+    if measure != DEFAULT:
+        return []
+    return [name for name in (ESTIMATE, BOUND) if f"error_{name.name}" in data]
+
+
 def _errors(point: Any) -> Table:
     """Return a row for each error: its values by level with rates, fitted and expected order."""
     levels = np.flatnonzero(point["compared"].values)
@@ -309,7 +340,7 @@ def _errors(point: Any) -> Table:
                 cells = list[str]()
                 for value in point[name].values[levels]:
                     cells += [f"{value:.3e}" if np.isfinite(value) else "–", "–"]
-                rows.append([f"  {part}", *cells, *["–"] * 5])
+                rows.append([f"  {UNREFERENCED[part]}", *cells, *["–"] * 5])
     header, ranks = ["error"], [0]
     for remaining, level in zip(range(len(levels), 0, -1), levels, strict=True):
         header += [f"level {level}", "rate"]
@@ -318,7 +349,8 @@ def _errors(point: Any) -> Table:
     header += ["order", "levels", "expected", "verdict", "reason of the expected order"]
     ranks += [0, 98, 2, 1, 99]
     reference = str(point.attrs["reference"]).split(" (")[0]
-    table = Table.of_rows(f"Relative errors; reference: {reference}", header, rows, ranks)
+    title = f"Relative errors; reference: {reference}"
+    table = Table.of_rows(title, header, rows, ranks, *bound_words(point))
     # there is no rate on the first level
     columns = [column for column in table.columns if set(column.cells) != {"–"}]
     return replace(table, columns=columns)
@@ -413,6 +445,7 @@ class Setting:
     """A family of meshes, a level and a solver that were measured.
 
     error:       relative
+    without_reference: its estimate and its proved bound, as far as the file has them
     time, upper: least wall time of all runs and their upper quartile [s]
     solved:      it passed its acceptance test
     own:         it is that of the study
@@ -431,6 +464,7 @@ class Setting:
     error: float
     solved: bool
     own: bool
+    without_reference: tuple[float, ...] = ()
     time: float = math.nan
     upper: float = math.nan
     first: bool = True
@@ -493,6 +527,7 @@ def _setting(data: Any, measure: str, where: Mapping[str, int]) -> Setting:
         error=value(f"error_{measure}"),
         solved=status == PointStatus.OK,
         own=(family, solver, level) == setting_of_study,
+        without_reference=tuple(value(f"error_{m.name}") for m in unreferenced(data, measure)),
     )
 
 
@@ -635,20 +670,25 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
         rows.append(_cost_row(by_solver, solvers))
     header = ["meshes", "level", "dofs", "contact DOFs", f"error of {SYMBOLS[measure]}"]
     ranks = [0, 0, 1, 4, 0]
+    names = unreferenced(data, measure)
+    header += [UNREFERENCED[name.name.removeprefix("u_")] for name in names]
+    ranks += range(5, 5 + len(names))
     for place, solver in enumerate(solvers):
         header += [f"{solver} [s]", "quartile"]
         ranks += [0 if place == 0 else 2, 3]
     marks = "* on the front   † the study's own settings   (error) not solved"
-    yield Table.of_rows("All that was measured", header, rows, ranks, marks)
+    explained = bound_words(data) if names else []
+    yield Table.of_rows("All that was measured", header, rows, ranks, marks, *explained)
     yield from notes(data)
 
 
 def _cost_row(by_solver: Mapping[str, Setting], solvers: Sequence[str]) -> list[str]:
-    """Return the row of one mesh: its sizes, its error, and the times of each solver."""
+    """Return the row of one mesh: its sizes, its errors, and the times of each solver."""
     mesh = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
     error = f"{mesh.error:.3e}" if np.isfinite(mesh.error) else "–"
     row = [", ".join(mesh.families), str(mesh.level), str(mesh.n_dof), str(mesh.n_contact)]
     row.append(error if mesh.solved else f"({error})")
+    row += [f"{value:.3e}" if np.isfinite(value) else "–" for value in mesh.without_reference]
     for solver in solvers:
         if solver not in by_solver:
             row += ["–", "–"]

@@ -24,7 +24,7 @@ from tcstudy.data.reading import (
     opened,
     sweep_dims,
 )
-from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, UNBALANCED, PointStatus
+from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, POLYGON, UNBALANCED, PointStatus
 from tcstudy.data.store import GUARANTEE
 from tcstudy.reports import sentences
 from tcstudy.reports.rounding import floors_of
@@ -151,7 +151,12 @@ def _levels(data: Any) -> Table:
         units = data[name].attrs.get("units", "1")
         largest = np.fmax.reduce(by_level(name))
         columns.append(quantity(title, largest, units, 2, rank, data[name].values))
-    return Table("", columns)
+    notes: tuple[str, ...] = ()
+    if "error_bound_relative" in data:
+        is_polygon = data.attrs.get(GUARANTEE) == "polygon"
+        of = f", of the {POLYGON}" if is_polygon else ""
+        notes = (f"rel. error bound: the largest of all points that is proved{of}",)
+    return Table("", columns, notes)
 
 
 _COLUMNS = (

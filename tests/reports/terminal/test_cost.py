@@ -13,6 +13,7 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import COST_TABLE
 from tcstudy.pictures import draw_picture
+from tcstudy.reports.figures.accuracy import cost_panels
 from tcstudy.reports.page.parts import Container
 from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import cost_sections
@@ -67,8 +68,8 @@ def made(**more: object) -> Record:
     return Record("cost", COST_TABLE, {**fields, **more}, told)
 
 
-def write(path: Path, **more: object) -> Path:
-    study = study_of(RECTANGLE)
+def write(path: Path, *changes: str, **more: object) -> Path:
+    study = study_of(RECTANGLE, *changes)
     write_record(path, study, made(**more), collect(study, ["tcstudy"]))
     return path
 
@@ -162,3 +163,20 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     )
     assert second == "shortest time measured: uniform, level 0, separable-newton in 0.1 s"
     draw_picture(file, file.with_name("a.svg"))
+
+
+def test_estimates_and_proved_bounds_stand_beside_the_error_and_say_of_what(
+    tmp_path: Path,
+) -> None:
+    error = made().values["error_u_energy"]
+    guaranteed = {"error_u_estimate": 1.1 * error, "error_u_bound": 1.3 * error}
+    file = write(tmp_path / "b.cost.nc", "mesh.guarantee=polygon", **guaranteed)
+    text = text_of(file)
+    (row,) = (line for line in text.splitlines() if "uniform      3" in line)
+    assert row.split()[4:7] == ["1.000e-02", "1.100e-02", "1.300e-02"]
+    of_polygon = "proved bound: of the relative error of u for the polygon that the mesh has"
+    assert of_polygon in text
+    panel = cost_panels(load_root(file), "u_energy")["unknowns"]
+    bounds = [item.y for item in panel.items if item.look.get("linestyle") == "-." and item.y.size]
+    assert np.array_equal(bounds, 1.3 * error[:, 0])
+    assert of_polygon not in text_of(write(tmp_path / "c.cost.nc"))

@@ -1120,7 +1120,8 @@ TC.run = {
         title: "Convergence over the levels, of this point",
         labels: [
           halved ? TC.withUnit("largest edge h", scale) : "1/√DOFs",
-          "relative change from the level before",
+          "relative change from the level before" +
+            (changing.some((curve) => curve.name.startsWith("error_")) ? ", or error" : ""),
         ],
         log: [true, true],
         limits: [null, null],
