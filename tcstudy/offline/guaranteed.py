@@ -136,11 +136,11 @@ class EquilibriumBody:
             columns.append(slope.reshape(n_triangles, 4))
         unit_data = np.concatenate(columns, axis=1)[..., None]
         moments = np.matmul(loads.moments, unit_data)
-        rest = np.matmul(loads.rest, unit_data)
+        remainders = np.matmul(loads.remainders, unit_data)
         rows = self.elements.local_rows.ravel()
         load = np.zeros(len(self.held))
         np.add.at(load, rows, moments.ravel())
-        return load, float(np.sum(rest**2))
+        return load, float(np.sum(remainders**2))
 
     def rows(self, u: Array) -> Array:
         """Return P1 displacements (n, 2) at the Gauss points of the edges, in local axes (4e,)."""
@@ -291,13 +291,13 @@ N_LINEAR = 9
 class UnitLoads(NamedTuple):
     """What each datum of a triangle does if it is 1 and the others are 0.
 
-    moments: (t, 12, d) P G⁻¹q − P_p
-    rest:    (t, d, d) R with ‖(I − Π)ρ‖² = |Ra|² for data a (d,) and ρ = τ_p + βθI,
-             Π the projection onto the stresses N in the norm of complementary energy
+    moments:    (t, 12, d) P G⁻¹q − P_p
+    remainders: (t, d, d) R with ‖(I − Π)ρ‖² = |Ra|² for data a (d,) and ρ = τ_p + βθI,
+                Π the projection onto the stresses N in the norm of complementary energy
     """
 
     moments: Array
-    rest: Array
+    remainders: Array
 
 
 @dataclass(frozen=True)
@@ -328,14 +328,14 @@ class Elements:
         n_triangles = len(self.lam)
         stiffness = np.empty((n_triangles, 12, 12))
         moments = np.empty((n_triangles, 12, n_data))
-        rest = np.empty((n_triangles, n_data, n_data))
+        remainders = np.empty((n_triangles, n_data, n_data))
         _, edge_of_side = self.mesh.edges
         for start in range(0, n_triangles, BLOCK):
             some = slice(start, start + BLOCK)
             axes = self.axes[edge_of_side[some]]
             block = _Triangles(self.mesh.corners[some], self.lam[some], self.mu[some], axes)
-            stiffness[some], moments[some], rest[some] = block.factorised(n_data)
-        return stiffness, UnitLoads(moments, rest)
+            stiffness[some], moments[some], remainders[some] = block.factorised(n_data)
+        return stiffness, UnitLoads(moments, remainders)
 
 
 @dataclass(frozen=True)
@@ -348,7 +348,7 @@ class _Triangles:
     axes: Array
 
     def factorised(self, n_data: int) -> tuple[Array, Array, Array]:
-        """Return P G⁻¹Pᵀ (t, 12, 12), and `moments` and `rest` of UnitLoads.
+        """Return P G⁻¹Pᵀ (t, 12, 12), and `moments` and `remainders` of UnitLoads.
 
         With [S, Φ] the square roots of energy of the stresses N and of ρ of unit data,
         [S, Φ] = Q[R, C; 0, R'] gives G = RᵀR, the projections C and the rest R'. This is by QR of
@@ -364,10 +364,11 @@ class _Triangles:
             below[..., 9 + N_CONSTANT :] = complement
             samples = np.concatenate([samples, below], axis=1)
         R = np.asarray(np.linalg.qr(samples, mode="r"))
-        projections, rest = np.split(R[..., 9:], [9], axis=1)
+        projections, remainders = np.split(R[..., 9:], [9], axis=1)
         half = np.linalg.solve(np.swapaxes(R[:, :9, :9], 1, 2), np.swapaxes(P, 1, 2))
         transposed = np.swapaxes(half, 1, 2)
-        return np.matmul(transposed, half), np.matmul(transposed, projections) - moments, rest
+        moments = np.matmul(transposed, projections) - moments
+        return np.matmul(transposed, half), moments, remainders
 
     def _tractions(self) -> Array:
         """Return P (t, 12, 9): τn|e| = det B · B τ̂n̂|ê| with τ = B τ̂ Bᵀ."""
@@ -378,7 +379,7 @@ class _Triangles:
         return np.asarray(moments.reshape(-1, 12, 9))
 
     def _stresses(self) -> Array:
-        """Return the stresses N (t, 3, 9, 9) by component, weighted corner of a part, and number."""
+        """Return the stresses N (t, 3, 9, 9) by component, weighted corner and number."""
         N, _ = _reference()
         weighted = np.einsum("ij,pjcn->cpin", WEIGHT, N).reshape(3, -1)
         return np.asarray(np.matmul(self._tensor_maps, weighted).reshape(-1, 3, 9, 9))
@@ -388,7 +389,7 @@ class _Triangles:
 
         ρ:    (t, 3, 9, d) by component and weighted corner of a part
         P_p:  (t, 12, d)
-        rest: (t, 54, d − N_CONSTANT) numbers whose squares sum to that of the rest, or None
+        rest: (t, 54, d − N_CONSTANT) numbers whose squares sum to its square, or None
         """
         centres = self.corners.mean(axis=1, keepdims=True)
         # of unit f: xx and yy of τ_p at the corners and the centre
@@ -433,10 +434,10 @@ class _Triangles:
         stress = np.einsum("tdc,tcpns->tdpns", self._tensor_maps, components)
         projection, complement = _quadratic_samples()
         linear = np.einsum("mn,tcpns->tcpms", projection, stress)
-        rest = np.einsum("mn,tcpns->tcpms", complement, stress)
+        remainders = np.einsum("mn,tcpns->tcpms", complement, stress)
         traction = np.einsum("kgaij,tsij->tkgas", fields.traction, slopes)
         moments = np.einsum("t,tab,tkac,tkgbs->tkgcs", det, B, self.axes, traction, optimize=True)
-        return linear, self._samples(rest), moments.reshape(-1, 12, 4)
+        return linear, self._samples(remainders), moments.reshape(-1, 12, 4)
 
     @cached_property
     def _maps(self) -> tuple[Array, Array]:
