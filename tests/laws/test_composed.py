@@ -6,6 +6,8 @@ import pytest
 from tcstudy.laws.composed import (
     EdgeLaws,
     Joints,
+    _equal,
+    _march,
     law_along,
     laws_along,
     nodal,
@@ -152,3 +154,16 @@ def test_a_polygon_has_fewer_sides_than_chords() -> None:
         piecewise_linear(DECAY, 0.0, 1.0)
     with pytest.raises(ValueError, match="not negative, not -1"):
         piecewise_linear(DECAY, 1e-3, -1.0)
+
+
+@pytest.mark.parametrize("tail", [0.0, 0.004, 0.01])
+def test_all_sides_of_a_polygon_rise_equally_far_above_a_decay(tail: float) -> None:
+    """Also the last one, which ends below the curve by the tail: so no polygon of as many sides is
+    closer."""
+    cuts, error = _equal(0.01, 3.0, tail)
+    depths = np.array([0.0, *[error] * (len(cuts) - 2), tail])
+    for i in range(len(cuts) - 1):
+        x = np.linspace(cuts[i], cuts[i + 1], 4001)
+        line = np.interp(x, cuts, np.exp(-np.array(cuts)) - depths)
+        assert np.max(line - np.exp(-x)) == pytest.approx(error, rel=1e-3)
+    assert len(_march(0.99 * error, 3.0, tail)) > len(cuts)
