@@ -131,3 +131,13 @@ def test_a_temperature_lowers_orders_where_it_loads() -> None:
     assert {regular[n].reason for n in ("theta_H1", "u_L2")} == {"smooth"}
     assert all(expected.analysed for expected in regular.values())
     assert [name for name, expected in regular.items() if expected.log] == ["u_T_max", "xi_max"]
+
+
+def test_a_given_exponent_limits_slip_and_friction() -> None:
+    """u ~ r^1.5 and ξ ~ r^0.5 at a point of the line, where P1 is of order 1 for u in energy."""
+    expected = expected_orders(smooth_up_to(1.5))
+    limited = {"u_energy": 1.0, "u_T_max": 1.5, "xi_L2": 1.0, "xi_nodes": 1.0, "xi_max": 0.5}
+    assert {name: expected[name].order for name in limited} == limited
+    smooth = {"theta_L2": 2.0, "theta_H1": 1.0, "u_L2": 2.0, "xi_L2": 1.0, "xi_max": 2.0}
+    of_smooth = expected_orders(smooth_up_to(None))
+    assert {name: of_smooth[name].order for name in smooth} == smooth
