@@ -3,6 +3,7 @@ honest failures."""
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.descent import descend, descend_nested
@@ -82,6 +83,24 @@ def test_coarse_start_saves_steps_on_the_body_itself() -> None:
     assert max(found.residual[0], flat.residual[0]) <= 1e-12
     assert found.steps[0] <= 4
     assert found.steps[0] < flat.steps[0]
+
+
+def test_coarse_copies_do_not_cross_blocks() -> None:
+    """Slips and openings of 61 and 44 nodes: rows of P lie in one block, and so do coarse nodes."""
+    A_slip, c_slip = cases.half_laplacian(61)
+    A_opening, c_opening = cases.half_laplacian(44)
+    A_tilde = scipy.linalg.block_diag(A_slip, A_opening)
+    body = CondensedBody.of(A_tilde, np.append(c_slip, c_opening), blocks=(61, 44))
+    assert body.coarse is not None
+    assert body.coarse.blocks == (31, 22)
+    P = body.P.toarray()
+    assert not P[:61, 31:].any()
+    assert not P[61:, :31].any()
+    np.testing.assert_array_equal(P.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(P[body.coarse_nodes], np.eye(53))
+    of_slip = CondensedBody.of(A_slip, c_slip).coarse
+    assert of_slip is not None
+    np.testing.assert_allclose(body.coarse.A_tilde[:31, :31], of_slip.A_tilde, rtol=1e-15)
 
 
 def test_failures_are_statuses_with_a_reason() -> None:

@@ -345,3 +345,29 @@ def test_a_study_in_other_units_has_the_same_results(tmp_path: Path) -> None:
     np.testing.assert_allclose(plain["S_N"], 1e-6 * si["S_N"], rtol=1e-6, atol=1e-6)
     force = float(si["force_left_y"]) / 1e3
     assert float(plain["force_left_y"]) == pytest.approx(force, rel=1e-8)
+
+
+def test_sections_and_supports_of_a_slab_that_lifts_off_are_in_balance(tmp_path: Path) -> None:
+    """N at a node is the friction between it and the free end; the base carries the weight."""
+    text = slab(THETA="-5").replace('"-5*', '"30 - 5*')
+    quantities = "output.quantities=[section_force, reactions, forces]"
+    drag = "friction={law: tresca, tau: 7 kPa}"
+    probe = "output.probes={tip: [4 m, 0 m]}"
+    data = results(text, tmp_path / "slab.nc", quantities, drag, probe, "output.fields=true")
+    assert float(data["opened_length"]) > 1.0
+    friction = (data["xi"] * data["c"]).values
+    held = float(data["friction_resultant"])
+    behind = held - np.cumsum(friction) + 0.5 * friction
+    np.testing.assert_allclose(data["section_force"][2:-2], -behind[2:-2], atol=2e-3 * abs(held))
+    weight = 24000 * 0.2 * 4.0
+    # a corner counts to the plane of symmetry
+    support = {
+        axis: data[f"reaction_bottom_{axis}"] + data[f"reaction_left_{axis}"] for axis in "xy"
+    }
+    assert float(support["y"]) == pytest.approx(weight, rel=1e-9)
+    assert float(support["x"]) == pytest.approx(0.0, abs=1e-6 * weight)
+    tip = float(data["opening"][-1])
+    assert float(data["probe_tip_u_y"]) == pytest.approx(tip, rel=1e-12)
+    assert float(data["probe_tip_u_T"]) == pytest.approx(float(data["u_T"][-1]), rel=1e-12)
+    corner = np.argmax(data["node_x"].values - data["node_y"].values)
+    assert float(data["u_y"][corner]) == pytest.approx(tip, rel=1e-12)
