@@ -167,6 +167,16 @@ def test_coated_block(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["coated_block", "die", "friction_pad", "spring_rail"])
+def test_the_proved_bound_is_the_one_that_the_study_tells(name: str, tmp_path: Path) -> None:
+    text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
+    head = " ".join(line.lstrip("# ") for line in text.splitlines())
+    percent = re.search(r"at most ([\d.]+) % in the energy norm", head)
+    assert percent is not None
+    bound = run(name, tmp_path)["error_bound_relative"].isel(level=-1).values.max()
+    assert 0.98 * float(percent[1]) <= 100.0 * bound <= 1.01 * float(percent[1])
+
+
 def test_slab(tmp_path: Path) -> None:
     """Ends with one temperature over the height; with a warmer surface, the stress of the curling
     that is held back."""
