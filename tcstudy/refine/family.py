@@ -211,7 +211,7 @@ class ErrorEstimator:
         n_dof = self.level.frames.n_dof
         finest_n_dof = self._halved.level.frames.n_dof if self._halved else n_dof
         if plan.open_ended and finest_n_dof > plan.max_dofs:
-            size = f"{n_dof} dofs"
+            size = f"{n_dof} DOFs"
             if finest_n_dof > n_dof:
                 size += f" ({finest_n_dof} where its error was estimated)"
             return f"{missed}{reached} at {size}, more than max_dofs"

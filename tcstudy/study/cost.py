@@ -314,7 +314,7 @@ def follow(curve: CostCurve, study: Study, progress: Progress, notes: list[str])
             curve.times.append(times)
             curve.levels.append(level)
             number = len(curve.levels) - 1
-            progress(f"{curve.family}, level {number}: {level.n_dof} dofs", None)
+            progress(f"{curve.family}, level {number}: {level.n_dof} DOFs", None)
             _, *other_solvers = level.solutions
             for name in other_solvers:
                 solve = level.solutions[name].numbers.get("time_solve", 0.0)
@@ -420,11 +420,11 @@ def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> C
     (solution,) = level.solutions.values()
     if solution.status != PointStatus.OK:
         reason = solution.reason or solution.status.name.lower()
-        mesh = f"an adaptive mesh of {level.n_dof} dofs"
+        mesh = f"an adaptive mesh of {level.n_dof} DOFs"
         raise CostError(f"the reference, {mesh}, was not solved: {reason}")
     error = solution.numbers.get("error_estimate", math.nan)
     words = (
-        f"adaptive mesh of {level.n_dof} dofs, "
+        f"adaptive mesh of {level.n_dof} DOFs, "
         f"with an estimated error of {100 * error:.2g} % in energy"
     )
     solutions = dict.fromkeys(study.solver.names, solution)
@@ -441,7 +441,7 @@ def _reference_level(study: Study, finest: int, progress: Progress) -> SolvedLev
     try:
         for level, _ in walk(study, plan):
             last = level
-            progress(f"reference: {level.n_dof} of at least {least_dofs:.0f} dofs", None)
+            progress(f"reference: {level.n_dof} of at least {least_dofs:.0f} DOFs", None)
             if level.n_dof >= least_dofs:
                 break
     except GeometryFailed:

@@ -161,7 +161,7 @@ def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel
         if stage.level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
         level = stage.level
-        say(f"level {number}: {level.frames.n_dof} dofs, {level.line.m} contact DOFs")
+        say(f"level {number}: {level.frames.n_dof} DOFs, {level.line.m} contact DOFs")
         solutions = dict[Key, Solution]()
         for block in stage.blocks:
             for row in range(len(block)):

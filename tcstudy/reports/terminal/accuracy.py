@@ -266,7 +266,7 @@ def _levels(data: Any) -> Table:
             row += [str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}"]
             rows.append(row)
     header = [headed(name, axis_unit) for name, (_, axis_unit) in labels.items()]
-    header += ["level", headed("h_max", unit), "dofs", "contact DOFs"]
+    header += ["level", headed("h_max", unit), "DOFs", "contact DOFs"]
     return Table.of_rows("Meshes", header, rows)
 
 
@@ -668,7 +668,7 @@ def cost_of(data: Any, measure: str) -> Iterator[Part]:
     for mesh in meshes:
         by_solver = {s.solver: s for s in measured if (s.family, s.level) == mesh}
         rows.append(_cost_row(by_solver, solvers))
-    header = ["meshes", "level", "dofs", "contact DOFs", f"error of {SYMBOLS[measure]}"]
+    header = ["meshes", "level", "DOFs", "contact DOFs", f"error of {SYMBOLS[measure]}"]
     ranks = [0, 0, 1, 4, 0]
     names = unreferenced(data, measure)
     header += [UNREFERENCED[name.name.removeprefix("u_")] for name in names]

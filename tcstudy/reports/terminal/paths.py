@@ -345,7 +345,7 @@ def _softening(data: Any) -> str:
 def _sizes(data: Any) -> str:
     """Return the level and the number of its unknowns."""
     dofs, contact = int(data["n_dof"]), int(data["n_contact"])
-    return f"level {int(data['level'])}: {dofs} dofs, {contact} contact DOFs"
+    return f"level {int(data['level'])}: {dofs} DOFs, {contact} contact DOFs"
 
 
 def _branches(data: Any, unit: Unit) -> Iterator[str]:

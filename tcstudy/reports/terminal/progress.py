@@ -82,7 +82,7 @@ class Progress:
         level = f"level {record.level}"
         self._where = f"{geometry}, {level}" if geometry else level
         h = with_unit(record.h_max, "1" if self._study.units == "none" else "m", 3)
-        dofs = f"{record.n_dof} dofs, {record.n_contact} contact DOFs"
+        dofs = f"{record.n_dof} DOFs, {record.n_contact} contact DOFs"
         seconds = f"{record.time_mesh + record.time_assemble:.2g} s"
         self._plain(f"{self._where}: h_max = {h}, {dofs}, meshed and assembled in {seconds}")
         self._bar()
@@ -174,7 +174,7 @@ def forecast_text(
     columns = [
         TextColumn("level", [str(i) for i in range(len(plan.levels))]),
         quantity("maxh", [v.h for v in plan.levels], unit, rank=1),
-        TextColumn("dofs", [_count(v.n_dof, v) for v in plan.levels], 2),
+        TextColumn("DOFs", [_count(v.n_dof, v) for v in plan.levels], 2),
         TextColumn("contact DOFs", [_count(v.n_contact, v) for v in plan.levels], 3),
     ]
     table = [columns_table(columns)] if len(plan.levels) > 1 else []
@@ -220,7 +220,7 @@ def _mesh_words(study: Study, levels: Sequence[Any]) -> str:
         words = f"maxh {' to '.join(ends)} {pretty(prefixed)}".rstrip() + "; finest"
     finest = levels[-1]
     dofs, contact = (_count(n, finest) for n in (finest.n_dof, finest.n_contact))
-    return f"{words}: {dofs} dofs, {contact} contact DOFs"
+    return f"{words}: {dofs} DOFs, {contact} contact DOFs"
 
 
 def _count(value: int, level: Any) -> str:

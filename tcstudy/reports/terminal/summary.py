@@ -103,7 +103,7 @@ def run_parts(
     yield _levels(data)
     if GEOMETRIES in data.attrs:
         count = data.attrs[GEOMETRIES]
-        yield f"  {count} geometries: the largest h_max, dofs and contact, the least λ₁"
+        yield f"  {count} geometries: the largest h_max, DOFs and contact, the least λ₁"
     if "stop" in data and data["stop"].values[-1]:
         yield f"  stopped: {data['stop'].values[-1]}"
     yield from _points(data, None if full else MAX_ROWS, point or {})
@@ -139,7 +139,7 @@ def _levels(data: Any) -> Table:
     columns = [
         TextColumn("level", data["level"].values.astype(str)),
         quantity("h_max", data["h_max"].values, data["h_max"].attrs["units"], rank=2),
-        TextColumn("dofs", data["n_dof"].values.astype(int).astype(str), 1),
+        TextColumn("DOFs", data["n_dof"].values.astype(int).astype(str), 1),
         TextColumn("contact", data["n_contact"].values.astype(int).astype(str), 7),
         TextColumn("ok", [f"{int(n)}/{total}" for n in ok]),
         quantity("worst residual", worst, digits=2),
@@ -187,7 +187,10 @@ NO_PART = "–: the law has no such part (slip length: it sticks nowhere)"
 FAILED = "failed: no solution; the numbers in (parentheses) are those of the last step"
 REGIONS = {
     "debonded_length": "debonded: length on which b has reached its residual level",
-    "softening_length": "softening: length on a softening branch of b",
+    "softening_length": (
+        "softening: length on a softening branch of b, with slip linear between nodes "
+        "(slip length: by whole nodes, so up to half an element apart)"
+    ),
     "yielded_length": "yielded: length of sliding at constant b (plateau)",
     "elastic_length": "elastic: length on the initial elastic branch of b",
 }
