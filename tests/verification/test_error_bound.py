@@ -340,3 +340,40 @@ def test_slips_and_the_friction_resultant_lie_within_their_bounds(seed: int) -> 
     fine_integral = np.interp(ends, *slip_integral(fine, slips[1]))
     errors = np.abs(np.diff(integral - fine_integral) / np.diff(ends))
     assert 0.0 < errors.max() <= bounds["slip_bound"]
+
+
+BLOCK = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, right: free, top: free}
+material: {E: 100, nu: 0.3}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.4, levels: 4}
+"""
+
+
+def slip_of_unit_energy(level: Level, scene: Scene, start: float, end: float) -> float:
+    """√(φᵀÃ⁻¹φ) of P1 for the mean slip φ between two places x of the bottom."""
+    line = level.line
+    unknown = {int(node): i for i, node in enumerate(line.nodes)}
+    mean = np.zeros(line.m)
+    for nodes, ends, length in zip(line.segments, line.ends, line.lengths, strict=True):
+        if start < ends[:, 0].mean() < end:
+            for node in set(nodes.tolist()) & unknown.keys():
+                mean[unknown[node]] += 0.5 * length / (end - start)
+    compliance = mean @ np.linalg.solve(level.condensed(scene).problem.A_tilde, mean)
+    return float(np.sqrt(compliance))
+
+
+def test_the_slip_that_an_error_of_unit_energy_has_lies_above_that_of_p1() -> None:
+    """P1 underestimates compliance, equilibrium elements overestimate it: κ_e lies above P1's value
+    on finer meshes, which tends to it."""
+    study = study_of(BLOCK)
+    scene, levels = study.scenes[0], levels_of(study)
+    factor = ErrorBounds(levels[0])._slip_factor(scene)
+    places = [sorted(ends[:, 0]) for ends in levels[0].line.ends]
+    below = [
+        max(slip_of_unit_energy(level, scene, *ends) for ends in places) for level in levels[1:]
+    ]
+    assert below == sorted(below)
+    assert below[-1] <= factor <= 1.1 * below[-1]
