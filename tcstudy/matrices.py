@@ -252,7 +252,13 @@ def follow(
     first_t = t_min if np.isfinite(t_min) else t
     last_t = t_max if np.isfinite(t_max) else t + 1.0
     parametric = ParametricProblem(
-        problem.A_tilde, problem.l_tilde, load_per_t, problem.c, problem.law, (first_t, last_t)
+        problem.A_tilde,
+        problem.l_tilde,
+        load_per_t,
+        problem.c,
+        problem.law,
+        (first_t, last_t),
+        loose=problem.body.loose,
     )
     _check_name("direction", direction, ("both", "forward", "backward"))
     follower = Follower(t_min=t_min, t_max=t_max, max_pieces=max_pieces)

@@ -60,6 +60,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.boxes import reach_of_openings
 from tcstudy.contact.problem import ContactProblem, Outcome, Status
 from tcstudy.contact.simplex_qp import ACTIVE, direction, dual_decrease, positive_definite
 from tcstudy.contact.solution import polished
@@ -623,11 +624,22 @@ def solve_with_bundle(
 ) -> Outcome:
     """Run the method on the contact problem from x0 (m,) [m].
 
-    The first length is the norm of the frictionless solution, or the law's slip scale.
+    The first length is the norm of the frictionless solution, or the law's slip scale. A ray is a
+    jump as large as the pressure may be, an exact penalty; what is found is tested with the ray.
 
     inclusion: inclusion residual to work for on the active pieces, as far as rounding allows it
     tolerance: of the energy; the error of v and of ξ is of the order of its root
     """
+
+    x0 = problem.law.admissible(x0)
+    penalised = problem
+    if problem.law.has_rays:
+        _, pressure = reach_of_openings(problem.rows, np.zeros((1, problem.m)))
+        largest = 2.0 * float(np.max(pressure))
+        if not np.isfinite(largest):  # nothing presses a loose body on
+            largest = 4.0 * float(np.max(np.abs(problem.l_tilde) / problem.c))
+        laws = problem.law.walled(largest)
+        penalised = ContactProblem.on(problem.body, problem.l_tilde, laws)
 
     def exact(x: Array, left: float) -> Array | None:
         """Return the point on the active pieces, if it satisfies the inclusion and adds digits.
@@ -635,10 +647,10 @@ def solve_with_bundle(
         Its energy must not be higher, nor lower by more than `left`: the descent is the bundle's.
         """
         end = polished(problem, x, exact=False)
-        change = problem.energy_change(x, end.v)[0]
+        change = penalised.energy_change(x, end.v)[0]
         is_solution = end.residual <= max(inclusion, problem.xi_rounding(end.v))
         return end.v if is_solution and -left <= change <= 0.0 else None
 
     length = float(np.linalg.norm(problem.frictionless())) or problem.law.s_scale
     method = BundleNewton(tolerance, max_iterations or 2000, length or None, base=problem.A_tilde)
-    return method.run(contact_oracle(problem), x0, exact)
+    return method.run(contact_oracle(penalised), x0, exact)

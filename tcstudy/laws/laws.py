@@ -372,6 +372,13 @@ class Laws(LawPieces):
             return s
         return np.maximum(s, self._used(self._ends))
 
+    def walled(self, pressure: float) -> Laws:
+        """Return the laws with a jump from −pressure in place of every ray."""
+        if not self.has_rays:
+            return self
+        b_0 = np.where(self.outside, -pressure, self.b_0)
+        return Laws(self.name, self.kinks, self.s_0, b_0, *self.pieces[2:]).at(self.index)
+
     @Fact
     def _ends(self) -> Array:
         """(…) left end of the domain of every law, −∞ without a ray [m]."""

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import SOFT, CondensedBody, ContactProblem, is_singular
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, DOWN
 
@@ -147,8 +147,8 @@ class ScaledBody:
     def of(cls, A_tilde: Array, held: bool = True) -> ScaledBody:
         """Scale a stiffness.
 
-        held: False for a body with a rigid-body mode; its compliance is that with its first node
-              constrained
+        held: False for a body with rigid-body modes; its compliance is that with its first node
+              constrained, or with stiffness along the modes where there are several
         Raises ValueError if Ã is not positive definite.
         """
         m = len(A_tilde)
@@ -156,6 +156,11 @@ class ScaledBody:
         A = np.asfortranarray(A_tilde / stiffness)
         definite = A if held else A[1:, 1:]
         factor, info = scipy.linalg.lapack.dpotrf(definite, lower=1, clean=0)
+        if not held and (info != 0 or is_singular(definite)):
+            eigenvalues, vectors = scipy.linalg.eigh(A)
+            modes = vectors[:, eigenvalues <= SOFT * eigenvalues[-1]]
+            definite = np.asfortranarray(A + modes @ modes.T)
+            factor, info = scipy.linalg.lapack.dpotrf(definite, lower=1, clean=0)
         if info != 0 or not stiffness > 0.0:
             raise ValueError(
                 "the condensed stiffness is not positive definite; "

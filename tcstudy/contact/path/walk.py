@@ -587,7 +587,12 @@ def _first_codes(problem: ParametricProblem, v: Array, t: float, senses: Array |
     # from 0 at the left to the height at the right
     climbed = np.sign(b_right - b_left) * (problem.at(t).xi(v) / problem.c - b_left)
     sense = np.sign(v - kink) if senses is None else np.where(senses < 0.0, -1.0, 1.0)
+    is_ray = np.isinf(height)
+    if np.any(is_ray):  # it is climbed from its upper end, and has no lower one
+        climbed = np.where(is_ray, problem.at(t).xi(v) / problem.c - b_right, climbed)
+        height = np.where(is_ray, 0.0, height)
     is_below = (climbed < -margin) | ((climbed <= margin) & (sense < 0.0))
+    is_below &= ~is_ray
     is_above = (climbed > height + margin) | ((climbed >= height - margin) & (sense > 0.0))
     to_left = np.where(is_jump, is_below, sense < 0.0)
     to_right = np.where(is_jump, is_above, sense >= 0.0)
