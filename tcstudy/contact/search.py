@@ -346,7 +346,8 @@ def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tu
     reach = 2.0 * np.abs(v) + largest_force / k
     low = np.clip(laws.lower.take(piece), v - reach, v + reach)
     high = np.clip(kinks, v - reach, v + reach)
-    has_width = low < high
+    has_width = (low < high) & ~laws.outside.take(piece)
+    piece = laws.inside(piece)  # values to the left of a ray are not used
     anchor = laws.s_0.take(piece)
     low = np.where(has_width, low, anchor)
     high = np.where(has_width, high, anchor)

@@ -116,13 +116,19 @@ class Memory:
     def unfit(self, law: Laws) -> Iterator[str]:
         """Yield reasons why the memory cannot be made of one law, each with its remedy.
 
-        Every law is odd and opposes slip everywhere. Backward Euler needs a return map with one
+        Every law of slip is odd and opposes slip everywhere; that of an opening does so where it is
+        open, and takes damage alone. Backward Euler needs a return map with one
         answer, so that a law softens less steeply than the spring. Where τ(κ)/κ rises, a film would
         heal by being pulled.
         """
         if law.vanishes or self.name == "none":
             return
-        if not is_odd(law):
+        if law.closing is not None and self.name != "damage":
+            yield (
+                f"{self.name} remembers slips, and {law.name} is a law of openings; "
+                "give the edge memory: damage"
+            )
+        elif law.closing is None and not is_odd(law):
             yield (
                 f"a history needs an odd law, b(-s) = -b(s), and {law.name} is not: "
                 "the internal variables have no sign; leave out odd: false"

@@ -10,7 +10,8 @@ elastic-plastic: j = ½ k (|w| − Δp)² + T(κ + Δp) − T(κ) with k (|w| �
                  where τ has the slope q the law has the slope k q/(k + q)
 damage:          j = ½ τ(κ) s²/κ, beyond κ ½ τ(κ) κ + T(|s|) − T(κ); dissipated
                  R = T(κ) − ½ τ(κ) κ. An initial elastic branch damages nothing: κ counts from its
-                 end on
+                 end on. Of an opening κ is the largest one, and what closes it stays as it is:
+                 a ray, or j = ½ k_c s² for s < 0
 Literature: scene/histories.py; energies: Freddi & Riva, Math. Eng. 7 (2025) 406.
 
 Step n:     0 ∈ Ãvⁿ − l̃ⁿ + ∂Σ c_i j_iⁿ(v_i), ξⁿ = l̃ⁿ − Ãvⁿ, ξ_iⁿ/c_i ∈ b̂_iⁿ(v_iⁿ), the laws as
@@ -108,6 +109,7 @@ class MemoryModel:
     names:  (m,) memory of every node, if they differ
     is_friction, is_plastic, is_damage: (m,) nodes with the memory `friction`, `elastic-plastic`,
                                         `damage`
+    is_opening: (m,) nodes with a one-sided law
 
     Raises UnfitLaw if the memory cannot be made of the law.
     """
@@ -119,6 +121,7 @@ class MemoryModel:
     is_friction: Flags = field(init=False)
     is_plastic: Flags = field(init=False)
     is_damage: Flags = field(init=False)
+    is_opening: Flags = field(init=False)
 
     def __post_init__(self) -> None:
         names = np.full(self.m, self.memory.name) if self.names is None else self.names
@@ -128,6 +131,8 @@ class MemoryModel:
         attributes = ("is_friction", "is_plastic", "is_damage")
         for attribute, memory in zip(attributes, MEMORIES, strict=True):
             object.__setattr__(self, attribute, names == memory)
+        is_one_sided = np.array([law.closing is not None for law in self.law.laws])
+        object.__setattr__(self, "is_opening", is_one_sided[self.law.node_index(self.m)])
 
     @property
     def remembers(self) -> bool:
@@ -208,7 +213,36 @@ class MemoryModel:
             centre_slope[self.is_plastic & has_strength] = self._k
         is_torn = self.is_damage & (kappa > 0.0)
         centre_slope[is_torn] = self.law.b(kappa, -1)[is_torn] / kappa[is_torn]
-        return self._odd_law(Tail(tail.counts, starts, pieces), centre_slope)
+        tail = Tail(tail.counts, starts, pieces)
+        laws = self._odd_law(tail, centre_slope)
+        return self._with_openings(laws, tail, centre_slope) if np.any(self.is_opening) else laws
+
+    def _with_openings(self, laws: Laws, tail: Tail, centre_slope: Array) -> Laws:
+        """Return the laws with those of openings in place of the odd ones of their nodes.
+
+        An opening has its closing, a piece through 0 as far as it has been open, and the virgin
+        curve.
+        """
+        kinks, pieces = laws.kinks.copy(), np.stack(laws.pieces)
+        width = kinks.shape[1]
+        virgin = self._law_by_node
+        closings = np.stack(virgin.numbers(virgin.first[virgin.index]))
+        for node in np.flatnonzero(self.is_opening).tolist():
+            count = int(tail.counts[node])
+            starts = tail.starts[node, :count]
+            columns = [closings[:, node, None][: len(pieces)]]
+            if np.isfinite(centre_slope[node]):
+                through_zero = np.zeros((len(pieces), 1))
+                through_zero[2] = centre_slope[node]
+                columns.append(through_zero)
+                starts = np.append(0.0, starts)
+            columns.append(tail.pieces[:, node, :count])
+            row = np.concatenate(columns, axis=1)
+            kinks[node] = np.inf
+            kinks[node, : len(starts)] = starts
+            pieces[:, node] = row[:, np.minimum(np.arange(width + 1), row.shape[1] - 1)]
+        openings = Laws("row", kinks, *pieces, index=laws.index)
+        return openings.known(scales=laws.scales, falls=laws.falls)
 
     def _in_series(self, starts: Array, pieces: Array) -> tuple[Array, Array]:
         """Return (starts, pieces) of τ(κ + x) behind the springs of elastic-plastic nodes.
@@ -291,11 +325,13 @@ class MemoryModel:
         dissipated = np.where(self.is_damage, by_damage, dissipated)
         secant = 0.5 * tau / np.where(after > 0.0, after, 1.0)
         stored = secant * v**2 + 0.5 * force**2 / self._k
+        is_pressed = self.is_opening & (v < 0.0)
+        stored = np.where(is_pressed, self.law.j(np.minimum(v, 0.0)), stored)
         return NodeState(v, kappa, plastic), stored, dissipated
 
     def _largest_slip(self, kappa: Array, v: Array) -> Array:
         """Return (m,) the largest slip with v, but for slips too small to damage [m]."""
-        slip = np.abs(v)
+        slip = np.where(self.is_opening, np.maximum(v, 0.0), np.abs(v))
         scale = self.law.s_scale or float(np.max(slip, initial=0.0))
         least = np.maximum(kappa, MIN_DAMAGING_SLIP * scale)
         return np.where(np.maximum(kappa, slip) > least, slip, kappa)

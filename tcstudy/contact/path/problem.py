@@ -186,6 +186,8 @@ class LawGraph:
     slope, anchor, start: b = start + slope·(s − anchor) on a segment; 0 on a vertical side
                 [Pa/m, m, Pa]
     kink:       s of a vertical side, 0 on a segment [m]
+    is_reversible: True on the segments of a one-sided law that begin or end at 0 with b = 0, which
+                an opening takes both ways
     first:      code of the first piece of every node's law (m,), or of the only law (1,)
     """
 
@@ -199,13 +201,14 @@ class LawGraph:
     anchor: Array
     start: Array
     kink: Array
+    is_reversible: NDArray[np.bool_]
     first: Codes
 
     @cached_property
     def outward(self) -> Array:
         """Sense in which |s| grows on a segment that lies on one side of 0, else 0."""
         sense = np.where(self.low >= 0.0, 1.0, np.where(self.high <= 0.0, -1.0, 0.0))
-        return np.asarray(self.free * sense)
+        return np.asarray(self.free * ~self.is_reversible * sense)
 
 
 def law_graph(law: Laws) -> LawGraph:
@@ -253,8 +256,21 @@ def law_graph(law: Laws) -> LawGraph:
         anchor=by_code(s_0, 0.0),
         start=by_code(b_0, 0.0),
         kink=by_code(0.0, np.where(is_kink, table.kinks, 0.0)),
+        is_reversible=by_code(_through_zero(table), False),
         first=codes[:1, 0] if law.one else codes[law.index, 0],
     )
+
+
+def _through_zero(tables: Laws) -> NDArray[np.bool_]:
+    """Return (L, K + 1) pieces with b = 0 at the first kink, where that is at 0.
+
+    They are those of openings: an odd law has as many kinks below 0, or jumps at it.
+    """
+    is_at_zero = tables.kinks[:, 0] == 0.0
+    pieces = np.zeros(tables.q.shape, dtype=bool)
+    pieces[:, 0] = is_at_zero & (tables.b_left[:, 0] == 0.0)
+    pieces[:, 1] = is_at_zero & (tables.b_right[:, 0] == 0.0)
+    return pieces
 
 
 class PathStatus(Enum):
