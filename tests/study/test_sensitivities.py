@@ -130,6 +130,10 @@ OF_LAW = {"sigma": 0.05, "s0": 0.004, "sf": 0.4, "closing": 40.0}
 OF_PEELED = {f"adhesion.{name}": value for name, value in OF_LAW.items()} | {
     **{"adhesion.strength": 1.0, "friction.tau": 0.02, "E": 2.0, "boundary.left.g_y": 0.022},
 }
+ON_ROCK = PEELED.replace(", closing: 40", "")
+RESTING = ON_ROCK.replace("bottom: contact", "bottom: {role: contact, normal: unilateral}").replace(
+    "adhesion: {law: bilinear, sigma: 0.05, s0: 0.004, sf: 0.4}\n", "loads: {f: [0, -0.01]}\n"
+)
 OF_GLUED = {f"adhesion.bottom.{name}": value for name, value in OF_LAW.items()}
 
 
@@ -170,6 +174,11 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         (block(FALLING, SLOW), {"friction.film.delta": 1.0}),
         (PEELED, OF_PEELED),
         (GLUED, OF_GLUED),
+        (ON_ROCK, {name: OF_PEELED[name] for name in OF_PEELED if "closing" not in name}),
+        (
+            RESTING,
+            {"boundary.left.g_y": 0.022, "friction.s0": 0.05, "loads.f_y": -0.01, "nu": 0.25},
+        ),
     ],
     ids=[
         "bracket",
@@ -181,6 +190,8 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         "edge",
         "adhesion",
         "adhesion of an edge",
+        "on a rigid foundation",
+        "unilateral",
     ],
 )
 def test_every_kind_of_number_against_differences(text: str, values: dict[str, float]) -> None:
