@@ -856,6 +856,12 @@ QUANTITIES = {
 `slip_length` is not among them: on one mesh it is a step function of every parameter, whose
 derivative 0 would say nothing.
 """
+OPENING_QUANTITIES = {
+    "opening_max": ("m", "largest opening"),
+    "peel_stress_max": ("Pa", "largest peel stress"),
+    "adhesion_resultant": ("N m-1", "normal resultant"),
+}
+"""The same of studies with edges that may lift off, beside the others."""
 STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
 """Differentiated quantities of the steps of a history."""
 
@@ -876,7 +882,8 @@ def requested_variables(study: Study) -> tuple[FileVariable, ...]:
         sign = "with its sign, positive in tension"
         variables.append(result("section_force_max", "N m-1", long_name, sign))
         variables.append(result("section_force_at", "m", f"arc length of the {long_name}"))
-    return (*variables, *derivatives(study.output.sensitivity))
+    differentiated = [*QUANTITIES, *(OPENING_QUANTITIES if study.opens else ())]
+    return (*variables, *derivatives(study.output.sensitivity, differentiated))
 
 
 def line_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -979,8 +986,9 @@ def derivatives(
         events = "nodes about to slip, to stop or to pass a kink, to 1e-9"
         variable = count(SENSITIVITY_EVENTS, "contact nodes at a change of contact state", extra={})
         yield replace(variable, comment=events)
+    in_words = QUANTITIES | OPENING_QUANTITIES
     for parameter, quantity in product(parameters, quantities):
-        units, words = QUANTITIES[quantity]
+        units, words = in_words[quantity]
         name = name_of(quantity, parameter.name)
         units = quotient(units, parameter.units)
         long_name = f"{words} by {parameter.name}"

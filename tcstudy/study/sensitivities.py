@@ -68,7 +68,7 @@ def derivatives_of(
             friction = friction_slopes(level, scene, number, linearised)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
-        values = {
+        values = _of_openings(level, linearised, dv, dxi) | {
             "u_T_max": _derivative_of_largest(level.split(v)[0], level.split(dv)[0]),
             "friction_resultant": float(level.split(dxi)[0].sum()),
             "theta_mean": theta_mean,
@@ -79,6 +79,37 @@ def derivatives_of(
         for quantity, value in values.items():
             derivatives[name_of(quantity, number.name)] = value
     return derivatives
+
+
+def _of_openings(level: Level, at: Linearised, dv: Array, dxi: Array) -> dict[str, float]:
+    """Return the derivatives of results along openings by name, none without openings.
+
+    dv, dxi: (m,) derivatives of the contact DOFs and of their nodal forces
+    """
+    opening = level.opening
+    if opening is None:
+        return {}
+    _, s_N = level.split(at.v)
+    _, ds_N = level.split(dv)
+    _, force = level.split(at.problem.xi(at.v))
+    _, dforce = level.split(dxi)
+    S_N = force / opening.c
+    peel = 0.0
+    if np.max(S_N) > 0.0:
+        peel = _derivative_of_maximum(S_N, dforce / opening.c)
+    return {
+        "opening_max": _derivative_of_maximum(s_N, ds_N),
+        "peel_stress_max": peel,
+        "adhesion_resultant": float(dforce.sum()),
+    }
+
+
+def _derivative_of_maximum(values: Array, changes: Array) -> float:
+    """Return the derivative of the maximum, NaN where several have it and do not agree."""
+    allowed = EVENT * float(np.max(np.abs(values)))
+    of_largest = changes[values >= np.max(values) - allowed]
+    agree = np.ptp(of_largest) <= EVENT * np.max(np.abs(changes))
+    return float(of_largest[0]) if agree else float("nan")
 
 
 def _derivative_of_largest(v: Array, dv: Array) -> float:
