@@ -274,7 +274,8 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     edge = edge_of_curve[mesh.segment_curve[which]]
     along = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
     lengths = np.linalg.norm(along, axis=1)
-    is_free = ~frames.fixed[segments]
+    slides = frames.slides
+    is_free = slides[segments]
     held = np.flatnonzero(~is_free.any(axis=1))
     if len(held):
         x, y = mesh.points[segments[held[0], 0]]
@@ -297,7 +298,7 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
             last = slice(stop - 1, stop)
             in_order.append((segments[last, 1], before[last] + lengths[last], edge[last]))
     nodes, arclength, edges = (np.concatenate(column) for column in zip(*in_order, strict=True))
-    free = ~frames.fixed[nodes]
+    free = slides[nodes]
     nodes = nodes[free]
     arclength = arclength[free]
     node_edge = edges[free].astype(np.int8)

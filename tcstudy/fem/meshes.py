@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -184,12 +184,22 @@ class Frames:
     values: (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
     ties:   (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that
             of one node, and fixed but for that one; then u = R T w
+    corners: (k,) nodes at which two contact edges that are not held meet at an angle; their rows
+            are the openings of the edge that begins and, n rows later, of that which ends
     """
 
     axes: Array
     fixed: NDArray[np.bool_]
     values: Array
     ties: sp.csr_array | None = None
+    corners: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Return the nodes (n,) whose first row is free and no opening of a corner."""
+        slides = ~self.fixed[: len(self.axes)]
+        slides[self.corners] = False
+        return slides
 
     @property
     def n_dof(self) -> int:

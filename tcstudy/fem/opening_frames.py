@@ -7,7 +7,10 @@ Normals: of the exact curve, the mean of both segments at a node weighted by the
 Ends:    a node that is held altogether has no unknown. One that is held in one direction has its
          other component, if that direction is tangential or normal; a condition along any other
          direction would couple u_T and u_N, which have laws of their own
-Left out: corners of two edges that are not held, rigid edges that meet one
+Corners:  of two edges that are not held have the frame (−n₂, −n₁) of both openings and no slip:
+          half cells of slips go to the neighbours, as at every corner of Γ_C. At other than right
+          angles one of the edges must be free along its normal
+Left out: rigid edges that meet such an edge
 """
 
 from __future__ import annotations
@@ -49,12 +52,6 @@ def with_openings(mesh: PlaneMesh, boundary: Boundary, frames: Frames) -> Frames
     deviation = np.linalg.norm(normals - normal[segments], axis=2)
     is_corner = np.zeros(n, dtype=bool)
     is_corner[segments[deviation > SMOOTH]] = True
-    _refuse(
-        mesh,
-        nodes[is_corner[nodes]],
-        "two edges of the contact line that are not held meet at an angle",
-        "give one of them normal: held, or let a free edge lie between them",
-    )
     rigid = mesh.nodes_on(*(name for name, role in boundary if isinstance(role, Rigid)))
     _refuse(
         mesh,
@@ -62,7 +59,40 @@ def with_openings(mesh: PlaneMesh, boundary: Boundary, frames: Frames) -> Frames
         "a rigid edge meets a contact edge that is not held",
         "let a free edge lie between the two, or give the contact edge normal: held",
     )
-    return _turned(mesh, frames, nodes, normal[nodes])
+    smooth = nodes[~is_corner[nodes]]
+    turned = _turned(mesh, frames, smooth, normal[smooth])
+    return _with_corners(mesh, boundary, turned, nodes[is_corner[nodes]])
+
+
+def _with_corners(mesh: PlaneMesh, boundary: Boundary, frames: Frames, corners: Indices) -> Frames:
+    """Return the frames with the openings of both edges at corners (k,) as rows.
+
+    Raises GeometryFailed where these are not at right angles and both have a law.
+    """
+    roles = dict(boundary)
+    axes = frames.axes.copy()
+    for node in corners.tolist():
+        normals = list[Array]()
+        may_open = list[bool]()
+        for side in (0, 1):  # of the edge that begins and of that which ends
+            segment = int(np.flatnonzero(mesh.segments[:, side] == node)[0])
+            name = mesh.geometry.curves[mesh.segment_curve[segment]].name
+            role = roles[name]
+            normals.append(mesh.end_normals[segment, side])
+            may_open.append(isinstance(role, Contact) and role.opens)
+        is_oblique = bool(abs(normals[0] @ normals[1]) >= RIGHT_ANGLE)
+        _refuse(
+            mesh,
+            np.array([node] if is_oblique and all(may_open) else [], dtype=np.intp),
+            "two edges of the contact line that may lift off meet at an oblique angle",
+            "let a free edge lie between them, or give one of them normal: held or free",
+        )
+        first = 0 if may_open[0] else 1
+        second = 1 - first
+        across = np.array([-normals[first][1], normals[first][0]])
+        axes[node, :, first] = -normals[first]
+        axes[node, :, second] = -np.sign(across @ normals[second]) * across
+    return replace(frames, axes=axes, corners=corners)
 
 
 def _turned(mesh: PlaneMesh, frames: Frames, nodes: Indices, normal: Array) -> Frames:

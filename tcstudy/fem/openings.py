@@ -25,7 +25,9 @@ Indices = NDArray[np.intp]
 class OpeningLine:
     """Openings s_N of the nodes that may lift off, in order along Γ_C.
 
-    nodes:        (k,) mesh nodes; in the local frames s_N is the row n + node
+    nodes:        (k,) mesh nodes
+    rows:         (k,) rows of s_N in the local frames, n + node but for the corner at which an edge
+                  begins, where it is that of the node
     arclength:    (k,) position along Γ_C, as of the contact line [m]
     xy:           (k, 2) coordinates [m]
     c:            (k,) segment lengths of the edges that may lift off [m]
@@ -37,6 +39,7 @@ class OpeningLine:
     """
 
     nodes: Indices
+    rows: Indices
     arclength: Array
     xy: Array
     c: Array
@@ -69,7 +72,11 @@ def opening_line(
     segments = line.segments[which]
     edge = line.segment_edge[which]
     lengths = line.lengths[which]
-    is_free = ~frames.fixed[mesh.n_points + segments]
+    n = mesh.n_points
+    rows = n + segments
+    begins = np.isin(segments[:, 0], frames.corners)
+    rows[begins, 0] -= n
+    is_free = ~frames.fixed[rows]
     held = np.flatnonzero(~is_free.any(axis=1))
     if len(held):
         x, y = mesh.points[segments[held[0], 0]]
@@ -79,28 +86,29 @@ def opening_line(
             EDGES,
         )
     halves = np.where(is_free.all(axis=1, keepdims=True), 0.5, is_free) * lengths[:, None]
-    c = np.bincount(segments.ravel(), halves.ravel(), mesh.n_points)
-    # each node once, as the start of its segment or as an end at which no segment starts
+    c = np.bincount(rows.ravel(), halves.ravel(), 2 * n)
+    # each row once, at the start of its segment or at an end at which no segment starts
     begin = (np.cumsum(line.lengths) - line.lengths)[which]
-    last = np.flatnonzero(~np.isin(segments[:, 1], segments[:, 0]))
+    last = np.flatnonzero(~np.isin(rows[:, 1], rows[:, 0]))
     order = np.argsort(np.concatenate([np.arange(len(which)), last + 0.5]))
-    nodes = np.concatenate([segments[:, 0], segments[last, 1]])[order]
+    row = np.concatenate([rows[:, 0], rows[last, 1]])[order]
     arclength = np.concatenate([begin, (begin + lengths)[last]])[order]
     node_edge = np.concatenate([edge, edge[last]])[order]
-    free = ~frames.fixed[mesh.n_points + nodes]
-    nodes = nodes[free]
+    free = ~frames.fixed[row]
+    row = row[free]
     node_edge = node_edge[free].astype(np.int8)
-    number = np.full(mesh.n_points, -1)
-    number[nodes] = np.arange(len(nodes))
-    unknowns = number[segments]
+    number = np.full(2 * n, -1)
+    number[row] = np.arange(len(row))
+    unknowns = number[rows]
     end = unknowns[:, 1]
     meets = np.flatnonzero((end >= 0) & (node_edge[end] != edge))
-    shares = halves[meets, 1] / c[segments[meets, 1]]
+    shares = halves[meets, 1] / c[rows[meets, 1]]
     return OpeningLine(
-        nodes,
+        row % n,
+        row,
         arclength[free],
-        mesh.points[nodes],
-        c[nodes],
+        mesh.points[row % n],
+        c[row],
         node_edge,
         line.edge_names,
         which,

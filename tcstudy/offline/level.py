@@ -397,7 +397,7 @@ class Level:
         if scene.opens:
             opening = opening_line(mesh, self.frames, self.line, scene.opening_edges)
             self.opening = opening
-            self.rows = np.append(self.rows, mesh.n_points + opening.nodes)
+            self.rows = np.append(self.rows, opening.rows)
             self.c = np.append(self.c, opening.c)
         self.elastic.products()
         self.time_assemble = time.perf_counter() - start
@@ -605,7 +605,7 @@ class Level:
     def held_slips(self, scene: Scene) -> Array:
         """Return u_T (h,) prescribed at the held ends of Γ_C, along the exact edge [m].
 
-        It is NaN where a rigid edge moves the end.
+        It is NaN where a rigid edge moves the end, or where two edges that open meet in a corner.
         """
         frames = self.frames_of(scene.boundary)
         n = self.mesh.n_points
@@ -617,6 +617,7 @@ class Level:
         if frames.ties is not None:
             changes = abs(frames.ties - sp.eye_array(2 * n)).sum(axis=1).reshape(2, n)
             slips[np.any(changes[:, nodes] > 0.0, axis=0)] = np.nan
+        slips[np.isin(nodes, frames.corners)] = np.nan
         return slips
 
     def held_openings(self, scene: Scene) -> Array:

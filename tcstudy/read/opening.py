@@ -40,22 +40,29 @@ def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, st
     roles = dict(boundary)
     for before, after in (pair for loop in body.loops for pair in loop.corners):
         for edge, other in ((before, after), (after, before)):
-            if not _moves_along_normal(roles.get(edge.name)):
+            role = roles.get(edge.name, Free())
+            if not _moves_along_normal(role):
                 continue
             other_role = roles.get(other.name, Free())
-            if fault := _corner_fault(edge, other, other_role, before.end):
+            if fault := _corner_fault((edge, role), (other, other_role), before.end):
                 yield fault
                 break
 
 
-def _moves_along_normal(role: Role | None) -> bool:
+def _moves_along_normal(role: Role) -> bool:
     return isinstance(role, Contact) and role.normal != "held"
 
 
+def _may_open(role: Role) -> bool:
+    return isinstance(role, Contact) and role.opens
+
+
 def _corner_fault(
-    edge: Edge, other: Edge, role: Role, corner: tuple[float, float]
+    first: tuple[Edge, Role], second: tuple[Edge, Role], corner: tuple[float, float]
 ) -> tuple[str, str, str] | None:
-    """Return the fault of the corner of an edge that is not held and another with this role."""
+    """Return the fault of the corner of an edge that is not held and another, with their roles."""
+    edge, edge_role = first
+    other, role = second
     point = np.array([corner])
     normal = edge_normal(edge, point)[0]
     other_normal = edge_normal(other, point)[0]
@@ -65,9 +72,11 @@ def _corner_fault(
     if isinstance(role, Rigid):
         return edge.name, f"the rigid edge {other.name} meets {meets}", gap
     if _moves_along_normal(role):
-        if abs(other_normal @ _turned(normal)) <= SMOOTH:
+        is_smooth = abs(other_normal @ _turned(normal)) <= SMOOTH
+        is_upright = abs(other_normal @ normal) <= RIGHT_ANGLE
+        if is_smooth or is_upright or not (_may_open(edge_role) and _may_open(role)):
             return None
-        fault = f"{other.name}, which may move along its normal, meets {meets}, in a corner"
+        fault = f"{other.name}, which may move along its normal, meets {meets}, at an oblique angle"
         return edge.name, f"{fault}: their laws are not of two directions", gap
     if not isinstance(role, Clamped | Contact):
         return None

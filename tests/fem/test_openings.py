@@ -144,13 +144,49 @@ def test_an_arc_has_the_normals_of_the_circle() -> None:
 CORNER = SHAPE.replace(
     "film: contact, shoe: contact, left: LEFT", "film: contact, shoe: contact, left: contact"
 )
+OBLIQUE = CORNER.replace("[0, 1]", "[-0.5, 1]")
+
+
+def test_a_right_angle_has_the_openings_of_both_edges_and_no_slip() -> None:
+    mesh, scene = mesh_and_scene({**BOTH, "left": "unilateral"}, text=CORNER)
+    frames, opening = frames_and_openings(mesh, scene)
+    corner = at(mesh, 0.0, 0.0)
+    np.testing.assert_array_equal(frames.corners, [corner])
+    rows = opening.rows[opening.nodes == corner]
+    np.testing.assert_array_equal(np.sort(rows), [corner, mesh.n_points + corner])
+    np.testing.assert_allclose(frames.axes[corner], [[0.0, 1.0], [1.0, 0.0]], atol=1e-12)
+    assert opening.c.sum() == pytest.approx(2.5)
+    line = contact_line(mesh, frames, scene.edges(Contact))
+    assert corner not in line.nodes
+    assert line.c.sum() == pytest.approx(2.5)
+    np.testing.assert_array_equal(np.sort(opening.nodes), np.sort([*line.nodes, corner, corner]))
+
+
+def test_an_oblique_corner_needs_one_edge_that_is_free_along_its_normal() -> None:
+    for normals in (
+        {**BOTH, "left": "free"},
+        {"film": "free", "shoe": "free", "left": "unilateral"},
+    ):
+        mesh, scene = mesh_and_scene(normals, text=OBLIQUE)  # type: ignore[arg-type]
+        frames, opening = frames_and_openings(mesh, scene)
+        corner = at(mesh, 0.0, 0.0)
+        (number,) = np.flatnonzero(opening.nodes == corner)
+        column = opening.rows[number] // mesh.n_points
+        edge = opening.edge_names[opening.edge[number]]
+        inward = [0.0, 1.0] if edge == "film" else np.array([2.0, 1.0]) / np.sqrt(5.0)
+        np.testing.assert_allclose(frames.axes[corner, :, column], inward, atol=1e-12)
+        np.testing.assert_allclose(
+            frames.axes[corner].T @ frames.axes[corner], np.eye(2), atol=1e-14
+        )
+
+
 GUIDE = "{role: clamped, u_N: 0, u_T: free}"
 
 
 @pytest.mark.parametrize(
     ("normals", "words", "fault", "place"),
     [
-        ({**BOTH, "left": "unilateral"}, {"text": CORNER}, "meet at an angle", "(0, 0)"),
+        ({**BOTH, "left": "unilateral"}, {"text": OBLIQUE}, "at an oblique angle", "(0, 0)"),
         (BOTH, {"right": GUIDE, "slant": 0.5}, "slanted guide", "(1.5, 0)"),
         (BOTH, {"right": "{role: rigid, force: [1, 0]}"}, "a rigid edge meets", "(1.5, 0)"),
     ],
