@@ -263,7 +263,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         values |= _loop_values(plan, load, problem, loop)
         attributes["loop_reason"] = loop.reason or "both ends of the range of t were reached"
         if slide and loop.reason:
-            attributes["loop_reason"] = f"{slide} ({loop.reason})"
+            attributes["loop_reason"] = f"{slide} ({loop.reason.partition(': ')[0]})"
     if branches is not None:
         values |= _branch_values(plan, load, path, branches)
         attributes["complete_reason"] = branches.reason
