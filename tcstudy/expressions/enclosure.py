@@ -31,16 +31,20 @@ def enclosure(
 
     x, y: the ends (…) of the boxes
     """
+    shape = np.shape(x[0])
+    image = _image(scalar, Interval(*x), Interval(*y))
+    is_bounded = np.isfinite(image.lower) & np.isfinite(image.upper)
+    lower = np.where(is_bounded, image.lower, -np.inf)
+    upper = np.where(is_bounded, image.upper, np.inf)
+    return np.broadcast_to(lower, shape), np.broadcast_to(upper, shape)
+
+
+def _image(scalar: Scalar, x: Interval, y: Interval) -> Interval:
+    """Return F(X), of one number where the scalar does not vary."""
     if not isinstance(scalar, Expression):
-        value = np.full(np.shape(x[0]), float(scalar))
-        return value, value
+        return _interval(scalar)
     with np.errstate(all="ignore"):
-        values = scalar.fold({"x": Interval(*x), "y": Interval(*y)})
-    if not isinstance(values, Interval):
-        value = np.full(np.shape(x[0]), float(values))
-        return value, value
-    known = np.isfinite(values.lower) & np.isfinite(values.upper)
-    return np.where(known, values.lower, -np.inf), np.where(known, values.upper, np.inf)
+        return _interval(scalar.fold({"x": x, "y": y}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,29 +54,34 @@ class Interval:
     lower: Array
     upper: Array
 
+    @property
+    def has_zero(self) -> NDArray[np.bool_]:
+        """Whether 0 is in the interval."""
+        return np.asarray((self.lower <= 0.0) & (self.upper >= 0.0))
+
     def __neg__(self) -> Interval:
         return Interval(-self.upper, -self.lower)
 
     def __add__(self, right: Interval | float) -> Interval:
-        other = _interval(right)
-        return Interval(self.lower + other.lower, self.upper + other.upper)
+        addend = _interval(right)
+        return Interval(self.lower + addend.lower, self.upper + addend.upper)
 
     def __sub__(self, right: Interval | float) -> Interval:
         return self + (-_interval(right))
 
     def __mul__(self, right: Interval | float) -> Interval:
-        other = _interval(right)
+        factor = _interval(right)
         return _hull(
-            self.lower * other.lower,
-            self.lower * other.upper,
-            self.upper * other.lower,
-            self.upper * other.upper,
+            self.lower * factor.lower,
+            self.lower * factor.upper,
+            self.upper * factor.lower,
+            self.upper * factor.upper,
         )
 
     def __truediv__(self, right: Interval | float) -> Interval:
-        other = _interval(right)
-        has_zero = (other.lower <= 0.0) & (other.upper >= 0.0)
-        return _where(has_zero, self * Interval(1.0 / other.upper, 1.0 / other.lower))
+        divisor = _interval(right)
+        inverse = Interval(1.0 / divisor.upper, 1.0 / divisor.lower)
+        return _where(divisor.has_zero, self * inverse)
 
     def __pow__(self, right: Interval | float) -> Interval:
         exponent = _interval(right)
@@ -82,13 +91,7 @@ class Interval:
         n = float(np.ravel(exponent.lower)[0])
         if not np.all(exponent.lower == n):
             return _where(np.full(np.shape(self.lower), True), self)
-        ends = _hull(self.lower**n, self.upper**n)
-        has_zero = (self.lower <= 0.0) & (self.upper >= 0.0)
-        if n < 0.0:
-            return _where(has_zero, ends)
-        if n == round(n) and round(n) % 2 == 0:
-            return Interval(np.where(has_zero, 0.0, ends.lower), ends.upper)
-        return ends
+        return _power(self, n)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -112,6 +115,15 @@ def _interval(value: Any) -> Interval:
         return value
     number = np.asarray(value, dtype=float)
     return Interval(number, number)
+
+
+def _power(base: Interval, n: float) -> Interval:
+    """Return aⁿ: it is monotone beside 0, where an even power has its least value or a pole."""
+    ends = _hull(base.lower**n, base.upper**n)
+    if n < 0.0:
+        return _where(base.has_zero, ends)
+    is_even = n == round(n) and round(n) % 2 == 0
+    return Interval(np.where(base.has_zero, 0.0, ends.lower), ends.upper) if is_even else ends
 
 
 def _hull(*values: Array) -> Interval:
@@ -145,28 +157,26 @@ def _cos(a: Interval) -> Interval:
 
 def _wave(a: Interval, function: Callable[[Array], Array], crest: float) -> Interval:
     """Return the range of a sine with a crest at an argument and every 2π from there."""
-
-    def holds(place: float) -> NDArray[np.bool_]:
-        period = 2.0 * math.pi
-        holds_one: NDArray[np.bool_] = np.floor((a.upper - place) / period) >= np.ceil(
-            (a.lower - place) / period
-        )
-        return holds_one
-
     ends = _hull(function(a.lower), function(a.upper))
-    upper = np.where(holds(crest), 1.0, ends.upper)
-    return Interval(np.where(holds(crest + math.pi), -1.0, ends.lower), upper)
+    has_crest = _meets(a, crest, 2.0 * math.pi)
+    has_trough = _meets(a, crest + math.pi, 2.0 * math.pi)
+    return Interval(np.where(has_trough, -1.0, ends.lower), np.where(has_crest, 1.0, ends.upper))
+
+
+def _meets(a: Interval, place: float, period: float) -> NDArray[np.bool_]:
+    """Return whether intervals contain `place` or a point any number of periods from there."""
+    before, after = (a.lower - place) / period, (a.upper - place) / period
+    return np.asarray(np.floor(after) >= np.ceil(before))
 
 
 def _tan(a: Interval) -> Interval:
-    has_pole = np.floor(a.upper / math.pi - 0.5) >= np.ceil(a.lower / math.pi - 0.5)
+    has_pole = _meets(a, 0.5 * math.pi, math.pi)
     return _where(has_pole, _rising(np.tan)(a))
 
 
 def _absolute(a: Interval) -> Interval:
     ends = _hull(np.abs(a.lower), np.abs(a.upper))
-    has_zero = (a.lower <= 0.0) & (a.upper >= 0.0)
-    return Interval(np.where(has_zero, 0.0, ends.lower), ends.upper)
+    return Interval(np.where(a.has_zero, 0.0, ends.lower), ends.upper)
 
 
 def _cosh(a: Interval) -> Interval:

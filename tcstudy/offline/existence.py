@@ -236,30 +236,49 @@ class _Piece:
     q: Array
 
 
+@dataclass(frozen=True)
+class _Parabola:
+    """value + slope·z − ½ curvature·z² for z from `first` to `last`; empty if first > last."""
+
+    value: Array
+    slope: Array
+    curvature: Array
+    first: Array
+    last: Array
+
+    def supremum(self) -> Array:
+        """Return the supremum: at an end or at the vertex; −∞ where the range is empty."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = np.where(self.curvature > 0.0, self.slope / self.curvature, 0.0)
+        inside = np.clip(vertex, np.minimum(self.first, self.last), self.last)
+        ends = np.maximum(self._at(self.first), self._at(self.last))
+        return np.where(self.first > self.last, -np.inf, np.maximum(ends, self._at(inside)))
+
+    def _at(self, z: Array) -> Array:
+        """Return the value at z, which may be infinite."""
+        with np.errstate(invalid="ignore"):
+            value = self.value + (self.slope - 0.5 * self.curvature * z) * z
+            rises = (self.curvature < 0.0) | ((self.curvature == 0.0) & (self.slope * z > 0.0))
+        return np.where(np.isfinite(z), value, np.where(rises, np.inf, -np.inf))
+
+
 def _supremum(parts: _Parts, start: Array, end: Array, w: Array, Omega: Array, a: Array) -> Array:
     """Return sup of −D − ½w(y − v)² − ½Ω(y − a)² over slips y from `start` to `end`.
 
     start, end, w, Omega, a: broadcast with (s, PARTS, 2); −inf where start > end
     """
-    found = np.full(parts.v.shape, -np.inf)
+    suprema = np.full(parts.v.shape, -np.inf)
     for piece in parts.pieces(start, end):
-        p = piece.near
-        value = -piece.D - 0.5 * w * (p - parts.v) ** 2 - 0.5 * Omega * (p - a) ** 2
-        slope = -piece.slope - w * (p - parts.v) - Omega * (p - a)
-        curvature = piece.q + w + Omega
-        with np.errstate(divide="ignore", invalid="ignore"):
-            vertex = np.where(curvature > 0.0, slope / curvature, 0.0)
-        first, last = piece.first - p, piece.last - p
-        is_empty = first > last
-        candidates = [np.clip(vertex, np.minimum(first, last), last), first, last]
-        for z in candidates:
-            with np.errstate(invalid="ignore"):
-                at = value + (slope - 0.5 * curvature * z) * z
-                # a piece without an end has no supremum if it is curved upwards or rises
-                rises = (curvature < 0.0) | ((curvature == 0.0) & (slope * z > 0.0))
-            at = np.where(np.isfinite(z), at, np.where(rises, np.inf, -np.inf))
-            np.maximum(found, np.where(is_empty, -np.inf, at), out=found)
-    return found
+        from_v, from_a = piece.near - parts.v, piece.near - a
+        parabola = _Parabola(
+            value=-piece.D - 0.5 * w * from_v**2 - 0.5 * Omega * from_a**2,
+            slope=-piece.slope - w * from_v - Omega * from_a,
+            curvature=piece.q + w + Omega,
+            first=piece.first - piece.near,
+            last=piece.last - piece.near,
+        )
+        np.maximum(suprema, parabola.supremum(), out=suprema)
+    return suprema
 
 
 def _least_weight(parts: _Parts, near: Array, far: Array, allowed: float) -> Array:
@@ -267,49 +286,43 @@ def _least_weight(parts: _Parts, near: Array, far: Array, allowed: float) -> Arr
 
     near, far: (s, 1, 1), near > 0
     """
-    found = np.full(parts.v.shape, -np.inf)
-    for sign in (1.0, -1.0):
-        start, end = (near, far) if sign > 0.0 else (-far, -near)
+    weights = np.full(parts.v.shape, -np.inf)
+    for start, end in ((near, far), (-far, -near)):
         for piece in parts.pieces(parts.v + start, parts.v + end):
-            # in t = 1/s: 2(−D − allowed)/s² = −q − 2gt − 2(D₀ + allowed)t², about s = 0
-            apart = piece.near - parts.v
-            slope = piece.slope - piece.q * apart
-            constant = piece.D - piece.slope * apart + 0.5 * piece.q * apart**2 + allowed
-            with np.errstate(divide="ignore", invalid="ignore"):
-                t_first = 1.0 / (piece.first - parts.v)
-                t_last = 1.0 / (piece.last - parts.v)
-                vertex = np.where(constant > 0.0, -0.5 * slope / constant, t_first)
-            low, high = np.minimum(t_first, t_last), np.maximum(t_first, t_last)
-            for t in (np.clip(vertex, low, high), low, high):
-                with np.errstate(invalid="ignore"):  # of an empty piece
-                    at = -piece.q - 2.0 * (slope + constant * t) * t
-                np.maximum(found, np.where(piece.first > piece.last, -np.inf, at), out=found)
-    return np.asarray(found.max(axis=(1, 2)))
+            np.maximum(weights, _least_weight_on(piece, parts.v, allowed), out=weights)
+    return np.asarray(weights.max(axis=(1, 2)))
+
+
+def _least_weight_on(piece: _Piece, v: Array, allowed: float) -> Array:
+    """Return sup of −2(D + allowed)/s² over the slips v + s of a piece, which does not contain v.
+
+    With D = C + Gs + ½qs² and t = 1/s that is −q − 2Gt − 2(C + allowed)t².
+    """
+    apart = piece.near - v
+    G = piece.slope - piece.q * apart
+    C = piece.D - piece.slope * apart + 0.5 * piece.q * apart**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = 1.0 / (piece.first - v), 1.0 / (piece.last - v)
+    low, high = np.minimum(*t), np.maximum(*t)
+    parabola = _Parabola(-piece.q, -2.0 * G, 4.0 * (C + allowed), low, high)
+    return np.where(piece.first > piece.last, -np.inf, parabola.supremum())
 
 
 def _chord_excess(parts: _Parts) -> Array:
-    """Return the largest excess (s, PARTS) of S j₀(v) over its chord on every part."""
-    ends = parts.v
-    rise = parts.law.integral(ends[..., 0], ends[..., 1])
-    change = ends[..., 1] - ends[..., 0]
-    chord = rise / np.where(change != 0.0, change, 1.0)
-    straight = _Parts(
-        parts.law,
-        parts.segments,
-        chord[..., None],
-        ends[..., :1],
-        np.ones((1, *chord.shape, 1)),
-    )
-    # −D of the chord with its sign turned: the least of D
+    """Return the largest excess (s, PARTS) of S j₀(v) over its chord on every part.
+
+    For a chord of slope ξ the excess is D of one that has ξ* = ξ and starts from the first end.
+    """
+    first, last = np.moveaxis(parts.v, 2, 0)
+    change = last - first
+    chord = parts.law.integral(first, last) / np.where(change != 0.0, change, 1.0)
+    unit_strength = np.ones((1, *chord.shape, 1))
+    above = _Parts(parts.law, parts.segments, chord[..., None], first[..., None], unit_strength)
     excess = np.zeros(chord.shape)
-    for piece in straight.pieces(parts.least, parts.largest):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            vertex = np.where(piece.q < 0.0, -piece.slope / piece.q, 0.0)
-        first, last = piece.first - piece.near, piece.last - piece.near
-        for z in (np.clip(vertex, np.minimum(first, last), last), first, last):
-            at = piece.D + (piece.slope + 0.5 * piece.q * z) * z
-            at = np.where(piece.first > piece.last, 0.0, at)
-            np.maximum(excess, at[..., 0], out=excess)
+    for piece in above.pieces(parts.least, parts.largest):
+        bounds = piece.first - piece.near, piece.last - piece.near
+        parabola = _Parabola(piece.D, piece.slope, -piece.q, *bounds)
+        np.maximum(excess, parabola.supremum()[..., 0], out=excess)
     return np.asarray(excess * parts.strength.max(axis=0)[..., 0])
 
 
