@@ -67,7 +67,8 @@ UNSOLVED = "with the pressures of step {step} the problem has no solution: {reas
 class PressureFriction:
     """The friction of k nodes whose strength the pressure decides.
 
-    slip, opening: (k,) rows of v of the slips and of the openings of the same nodes
+    slip, opening: (k,) rows of v of the slips and of the openings of the same nodes; a node with
+                   two laws is there twice
     laws:          φ of these nodes: coefficients of friction [1], or tractions [Pa] of laws that
                    act where the body is pressed; one for all or one for each node
     coulomb:       (k,) whether σ is the pressure, not 1
@@ -300,7 +301,7 @@ class _Run:
             matrix = problem.A_tilde.copy()
             matrix[np.diag_indices(problem.m)] += problem.c * slope
             factor = problem.c[slip] * coefficient[nodes] / problem.c[opening]
-            matrix[slip] += factor[:, None] * problem.A_tilde[opening]
+            np.add.at(matrix, slip, factor[:, None] * problem.A_tilde[opening])
             try:
                 v[free] -= np.linalg.solve(matrix[np.ix_(free, free)], defect)
             except np.linalg.LinAlgError:

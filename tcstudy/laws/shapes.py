@@ -532,6 +532,28 @@ def _line(start: _Vertex, end: _Vertex) -> _Piece:
     return _Piece(end.s, end.left, slope)
 
 
+_coefficient = partial(_optional, bound="not negative")
+
+
+@_shape(
+    _coefficient("mu", "coefficient of friction", example="0.3"),
+    _coefficient("mu_s", "largest coefficient of sticking, in place of mu", example="0.5"),
+    _coefficient("mu_k", "coefficient of large slip", example="0.3"),
+    replace(_DELTA, required=False),
+)
+def coulomb(mu: float | None, mu_s: float | None, mu_k: float | None, delta: float | None) -> Laws:
+    """b = mu times the pressure, where the body is pressed; or a coefficient that falls linearly
+    from mu_s to mu_k over the slip delta"""
+    weakening = (mu_s, mu_k, delta)
+    if mu is not None and weakening == (None, None, None):
+        return _odd("coulomb", [], [_Piece(0.0, mu)])
+    if mu is not None or mu_s is None or mu_k is None or delta is None:
+        fault = "the coefficient is either mu, or mu_s, mu_k and delta; give one or the other"
+        raise LawError("mu", fault)
+    initial = _Piece(0.0, mu_s, (mu_k - mu_s) / delta)
+    return _odd("coulomb", [delta], [initial, _Piece(delta, mu_k)])
+
+
 @_shape(LawParameter("k", "stiffness", STIFFNESS, bound="not negative"))
 def linear(k: float) -> Laws:
     """b = k s, a spring"""
@@ -579,3 +601,8 @@ def one_sided(law: Laws, closing: float = RIGID) -> Laws:
 def unilateral() -> Laws:
     """Return the law of contact without adhesion: b̂(0) = (−∞, 0], b = 0 for s > 0."""
     return replace(one_sided(NONE), name="unilateral", made=Made("", {}, closing=RIGID))
+
+
+def knows_pressure(law: Laws) -> bool:
+    """Return whether b of a law is a coefficient of friction, which the pressure multiplies."""
+    return law.made is not None and law.made.shape == "coulomb"

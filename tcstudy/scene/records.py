@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Scalar
 from tcstudy.laws.composed import EdgeLaws, bonded_edges
-from tcstudy.laws.laws import Laws
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.shapes import knows_pressure
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -516,6 +517,52 @@ class Scene:
     def resisting(self) -> frozenset[str]:
         """The contact edges whose friction resists slip."""
         return resisting_edges(self.boundary, bonded_edges(self.friction))
+
+    @property
+    def friction_by_edge(self) -> tuple[tuple[str, Laws, Scalar], ...]:
+        """(edge, law, strength) of every contact edge."""
+        if isinstance(self.friction, Laws):
+            return tuple((edge, self.friction, 1.0) for edge in self.edges(Contact))
+        laws = {edge: (law, strength) for edge, law, strength in self.friction.laws}
+        of_all = laws.get("", (None, 1.0))
+        edges = list[tuple[str, Laws, Scalar]]()
+        for edge in self.edges(Contact):
+            law, strength = laws.get(edge, of_all)
+            if law is not None:
+                edges.append((edge, law, strength))
+        return tuple(edges)
+
+    @property
+    def pressed_friction(self) -> EdgeLaws | None:
+        """The friction that acts only where its edge is pressed, b ≡ 0 on others; None without any.
+
+        It is Coulomb's, and that of every edge that is unilateral.
+        """
+        return self._friction_of(True) if self.knows_pressure else None
+
+    @property
+    def bond_friction(self) -> Laws | EdgeLaws:
+        """The friction that does not know the pressure, b ≡ 0 on edges that have the other one."""
+        return self._friction_of(False) if self.knows_pressure else self.friction
+
+    @property
+    def knows_pressure(self) -> bool:
+        """Whether friction acts only where an edge is pressed; then there is no energy."""
+        edges = self.friction_by_edge
+        return any(self._needs_pressure(edge, law) for edge, law, _ in edges)
+
+    def _needs_pressure(self, edge: str, law: Laws) -> bool:
+        role = dict(self.boundary)[edge]
+        is_unilateral = isinstance(role, Contact) and role.normal == "unilateral"
+        return knows_pressure(law) or (is_unilateral and not law.vanishes)
+
+    def _friction_of(self, pressed: bool) -> EdgeLaws:
+        """Return the laws of the edges that need the pressure, or of the others."""
+        laws = []
+        for edge, law, strength in self.friction_by_edge:
+            is_counted = self._needs_pressure(edge, law) == pressed
+            laws.append((edge, law, strength) if is_counted else (edge, NONE, 1.0))
+        return EdgeLaws(tuple(laws))
 
     @property
     def one_law(self) -> Laws:
