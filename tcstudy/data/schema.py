@@ -317,6 +317,13 @@ OPENINGS: tuple[FileVariable, ...] = (
     result("mode_mixity", "degree", "mode mixity", _MIXITY),
 )
 """Results of studies with edges that may lift off."""
+CONTRACTION = result(
+    "contraction",
+    "1",
+    "contraction of the pressures",
+    "upper bound; the solution is unique if it is below 1, missing where there is no bound",
+)
+"""Result of studies whose friction acts only where an edge is pressed."""
 
 
 def opening_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -326,7 +333,8 @@ def opening_variables(study: Study) -> tuple[FileVariable, ...]:
     either = "beyond the last softening of b of the slip or of the opening"
     debonded = result("debonded_length", "m", "debonded length", either)
     has_debonded = any(v.name == debonded.name for v in region_variables(study))
-    return OPENINGS if has_debonded else (*OPENINGS, debonded)
+    of_pressure = (CONTRACTION,) if study.knows_pressure else ()
+    return (*OPENINGS, *(() if has_debonded else (debonded,)), *of_pressure)
 
 
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
@@ -749,6 +757,7 @@ _POINTS = (
     *ROOT,
     *REGIONS,
     *OPENINGS,
+    CONTRACTION,
     *EVERY,
     *SOLVERS,
     *ESTIMATES,

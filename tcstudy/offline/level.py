@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
 from tcstudy.condense.condensation import EliminationPlan
+from tcstudy.contact.pressure_friction import PressureFriction
 from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenpair
 from tcstudy.fem.forms import (
     ElasticForms,
@@ -44,6 +45,7 @@ from tcstudy.offline.guaranteed import (
 )
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
 from tcstudy.offline.opening_laws import laws_of_unknowns
+from tcstudy.offline.pressed import pressure_friction
 from tcstudy.scene.mesh_plan import Guarantee
 from tcstudy.scene.records import (
     Boundary,
@@ -515,6 +517,15 @@ class Level:
             friction,
             lambda: law_along(friction, line.edge_names, line.edge, line.xy, line.joints),
         )
+
+    def pressure_friction(self, scene: Scene) -> PressureFriction | None:
+        """Return the friction that acts only where an edge is pressed; None without any.
+
+        The law of the scene (`law`) is without it. Raises ValueError for a strength below 0.
+        """
+        if self.opening is None:
+            return None
+        return pressure_friction(scene, self.line, self.opening)
 
     def block(self, scenes: Sequence[Scene]) -> CondensedBlock:
         """Return the condensed problems of scenes that share λ/μ (see `ratio`).

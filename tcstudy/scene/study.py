@@ -181,6 +181,16 @@ class Study:
         return bool(self.scenes) and self.scenes[0].opens
 
     @property
+    def knows_pressure(self) -> bool:
+        """Whether friction acts only where an edge is pressed, at some point."""
+        return self.opens and any(scene.knows_pressure for scene in self.scenes)
+
+    @property
+    def in_blocks(self) -> bool:
+        """Whether points are solved together: each its own where friction knows the pressure."""
+        return self.solver.in_blocks and not self.knows_pressure
+
+    @property
     def encloses_lambda_1(self) -> bool:
         """Whether λ₁ of the body is enclosed: where asked, and in sweeps of bodies without arcs."""
         if self.mesh.bounds_errors:

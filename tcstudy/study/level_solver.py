@@ -30,7 +30,8 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Equilibria
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import as_row, certify
-from tcstudy.contact.problem import CondensedBody, Status
+from tcstudy.contact.pressure_friction import PressureFriction
+from tcstudy.contact.problem import CondensedBody, ContactProblem, Status
 from tcstudy.contact.solve import Answer, solve_block, solve_contact
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import (
@@ -66,6 +67,7 @@ from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, load_axes, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SLIP_BOUNDS, Study
+from tcstudy.study.pressed_points import pressed_answer
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -207,7 +209,7 @@ class LevelSolver:
         """Return the block on its way; an early exception is raised where its record is due."""
         try:
             starts = None if self.solutions is None else self.solutions.neighbours(block.points)
-            if self.study.solver.in_blocks:
+            if self.study.in_blocks:
                 return self._submitted(block, starts)
             (place,) = block.points.tolist()
             start = None
@@ -436,7 +438,7 @@ class Block:
 
 def keeps_solutions(study: Study) -> bool:
     """Return whether points start from solutions of their neighbours."""
-    return study.solver.branch == "continued" or not study.solver.in_blocks
+    return study.solver.branch == "continued" or not study.in_blocks
 
 
 def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
@@ -470,7 +472,7 @@ def _numbered(keys: Iterable[object]) -> Places:
 
 def _size(study: Study, m: int, n_points: int) -> int:
     """Return the largest number of points of a block."""
-    if not study.solver.in_blocks:
+    if not study.in_blocks:
         return 1
     if study.mesh.estimates or study.mesh.bounds_errors:
         return MAX_ESTIMATED_POINTS
@@ -575,6 +577,9 @@ def _solved_point(
     scene = study.scenes[int(points[0])]
     problem = level.condensed(scene).problem
     condensed = level.block([scene])
+    friction = level.pressure_friction(scene)
+    if friction is not None:
+        return _pressed_point(study, level, points, neighbour, problem, condensed, friction)
     solve = partial(
         solve_contact,
         tolerance=plan.tolerance,
@@ -597,6 +602,27 @@ def _solved_point(
         numbers |= _by_solver(condensed, runs)
     fields = level.fields(scene, answer.v) if study.output.fields else {}
     return replace(record, numbers=record.numbers | _one_row(numbers), fields=_one_row(fields))
+
+
+def _pressed_point(
+    study: Study,
+    level: Level,
+    points: Places,
+    neighbour: Array | None,
+    problem: ContactProblem,
+    condensed: CondensedBlock,
+    friction: PressureFriction,
+) -> BlockRecord:
+    """Solve one point whose friction knows the pressure."""
+    scene = study.scenes[int(points[0])]
+    (answer, law, contraction), seconds = timed(
+        pressed_answer, problem, friction, study.solver.tolerance, neighbour
+    )
+    laws = row_laws([law], np.ones(1))
+    record = block_record(study, level, points, [scene], condensed, laws, as_row(answer), seconds)
+    numbers = record.numbers | _one_row({"contraction": contraction})
+    fields = level.fields(scene, answer.v) if study.output.fields else {}
+    return replace(record, numbers=numbers, fields=_one_row(fields))
 
 
 def _by_solver(condensed: CondensedBlock, runs: Sequence[tuple[Answer, float]]) -> dict[str, Any]:

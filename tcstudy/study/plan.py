@@ -364,7 +364,7 @@ def unknown(study: Study) -> str:
         return f"a {study.kind}: the number of segments depends on the solution"
     if study.mesh.open_ended:
         return "the estimated error decides about the meshes"
-    if not study.solver.in_blocks:
+    if not study.in_blocks:
         return "the points are solved one by one, and the steps of their solvers are not known"
     return ""
 

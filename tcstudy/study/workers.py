@@ -317,7 +317,7 @@ def block_workers(study: Study, m: int, jobs: int | None = None) -> int:
 
     Points that are not solved in blocks leave workers nothing.
     """
-    if not study.solver.in_blocks:
+    if not study.in_blocks:
         return 1
     return worker_count(contact_seconds(study, m), jobs)
 
@@ -384,7 +384,7 @@ class WorkerPool:
     def executor_of_blocks(self, study: Study, m: int) -> SerialExecutor:
         """Return who solves the blocks of a level with m contact DOFs."""
         if self._cluster is not None:
-            return self._cluster if study.solver.in_blocks else SerialExecutor()
+            return self._cluster if study.in_blocks else SerialExecutor()
         return self._of(block_workers(study, m, self.jobs))
 
     def executor_of_calls(
