@@ -45,7 +45,7 @@ def laws_of_unknowns(scene: Scene, line: ContactLine, opening: OpeningLine) -> L
     Raises ValueError for a strength below 0.
     """
     names = line.edge_names
-    slips = law_along(scene.friction, names, line.edge, line.xy, line.joints)
+    slips = law_along(scene.bond_friction, names, line.edge, line.xy, line.joints)
     adhesion = laws_of_openings(scene)
     openings = law_along(adhesion, names, opening.edge, opening.xy, opening.joints)
     of_slip = slips.node_index(line.m)
