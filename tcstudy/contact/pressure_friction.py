@@ -278,8 +278,7 @@ class _Run:
         own_piece = own_law.piece(state.v)
         phi = friction.laws.tables.at(friction.laws.node_index(len(friction.slip)))
         phi_piece = phi.piece(state.v[friction.slip] - friction.origin)
-        knows = friction.coulomb & is_free[friction.slip] & ~is_free[friction.opening]
-        knows &= state.strengths > 0.0
+        knows = friction.coulomb & is_free[friction.slip] & (state.strengths > 0.0)
         nodes = np.flatnonzero(knows)
         slip, opening = friction.slip[nodes], friction.opening[nodes]
         v = state.v.copy()

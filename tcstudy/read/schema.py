@@ -12,9 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, get_args
 
-from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, LISTS_OR_ONE, PAIRS
-from tcstudy.scene.keys import LAWS, Key, of_all_laws, of_role, parameter_names, row, rows
+from tcstudy.scene.keys import LAWS, Key, laws_of, of_all_laws, of_role, parameter_names, row, rows
 from tcstudy.scene.mesh_plan import PROVED, Quantity
 from tcstudy.scene.parameters import NUMBERS, SHORT, path_of, swept_row
 from tcstudy.scene.units import NONE
@@ -44,7 +43,7 @@ def schema() -> Schema:
     for section in LAWS:
         definitions[section]["allOf"] = [
             _takes("law", law, (*of_all_laws(section), *parameter_names(law, section)))
-            for law in SHAPES
+            for law in laws_of(section)
         ]
     shapes = ("outline", "rectangle", "file")
     definitions["body"]["oneOf"] = [{"required": [name]} for name in shapes]

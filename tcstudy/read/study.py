@@ -43,6 +43,7 @@ from tcstudy.read.loads import check_together, read_history, read_path, read_sen
 from tcstudy.read.opening import check_opening
 from tcstudy.read.physics import has_no_friction
 from tcstudy.read.plans import read_mesh, read_output, read_solver
+from tcstudy.read.pressed import check_pressed, mentions_coulomb
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, with_swept_keys
 from tcstudy.scene.keys import of_role, row, rows
@@ -166,6 +167,8 @@ def _one_body(
         fit = read_fit(ctx, reader, mesh, history)
     if reader.not_held:
         check_opening(ctx, root, reader.scenes, mesh, output, history)
+    if not ctx.errors.problems and (reader.not_held or mentions_coulomb(root)):
+        check_pressed(ctx, root, reader.scenes, solver)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (

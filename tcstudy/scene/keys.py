@@ -152,6 +152,12 @@ def _share(least: float) -> dict[str, Any]:
     return {"above": 0.0, "below": 1.0, "least": least}
 
 
+def laws_of(section: str) -> tuple[str, ...]:
+    """Return the names of the laws of a section: all, but of an opening none of the pressure."""
+    of_pressure = ("coulomb",) if section == "adhesion" else ()
+    return tuple(name for name in SHAPES if name not in of_pressure)
+
+
 def _law_section(section: str, example: str) -> Iterator[Key]:
     """Yield the rows of a section of laws that go with every law."""
     yield needed(
@@ -159,7 +165,7 @@ def _law_section(section: str, example: str) -> Iterator[Key]:
         "choice",
         "name of the law, whose parameters stand beside it",
         example=example,
-        words=tuple(SHAPES),
+        words=laws_of(section),
     )
     gap = "factor of the law, 0 in a gap of the bond"
     yield swept(f"{section}.strength", "field", gap, default=1.0, example="1")
@@ -828,7 +834,9 @@ TWO_SIDED = ("odd", "slopes")
 
 @cache
 def _by_section() -> dict[str, dict[str, Key]]:
-    of_laws = [row for section in LAWS for law in SHAPES for row in law_rows(law, section)]
+    of_laws = [
+        row for section in LAWS for law in laws_of(section) for row in law_rows(law, section)
+    ]
     sections: dict[str, dict[str, Key]] = {}
     for row in (*ROWS, *of_laws):
         sections.setdefault(row.section, {}).setdefault(row.name, row)

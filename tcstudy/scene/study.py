@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -180,7 +181,7 @@ class Study:
         """Whether a contact edge may lift off; roles are the same at all points."""
         return bool(self.scenes) and self.scenes[0].opens
 
-    @property
+    @cached_property
     def knows_pressure(self) -> bool:
         """Whether friction acts only where an edge is pressed, at some point."""
         return self.opens and any(scene.knows_pressure for scene in self.scenes)

@@ -1,0 +1,81 @@
+"""What a study whose friction knows the pressure must not ask for, with reasons and remedies.
+
+Coulomb's friction, and every friction of a unilateral edge, acts where the edge is pressed and only
+there. It needs an edge that opens, whose pressure is known, and has no energy: nothing is lowest,
+and no path along its minima can be followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from tcstudy.laws.shapes import knows_pressure
+from tcstudy.read.document import Node
+from tcstudy.read.fields import Context
+from tcstudy.scene.records import Contact, Scene
+from tcstudy.scene.solver_plan import SEPARABLE, SolverPlan
+
+Fault = tuple[tuple[str, ...], str, str]
+"""A key path, the fault there, and the remedy."""
+
+WITHOUT_ENERGY: Mapping[str, str] = {
+    "path": "a path follows the energy",
+    "fit": "a fit follows the energy",
+    "output.sensitivity": "results are differentiated along the energy",
+}
+"""Keys that need an energy, with the reason."""
+
+
+def mentions_coulomb(root: Node) -> bool:
+    """Return whether the text of a study has Coulomb's friction, in its section or in a sweep."""
+    sections = (root.at(name) for name in ("friction", "sweep"))
+    return any(node is not None and "coulomb" in node.text() for node in sections)
+
+
+def check_pressed(
+    ctx: Context, root: Node, scenes: Sequence[Scene], solver: SolverPlan | None
+) -> None:
+    """Record what a study with friction that knows the pressure asks for and cannot have.
+
+    scenes: of all its points;  solver: None where its section has faults
+    """
+    for edge in _held_edges(scenes):
+        fault = f"Coulomb's friction needs the pressure, and {edge} is held along its normal"
+        remedy = f"write {edge}: {{role: contact, normal: unilateral}}, or another law"
+        ctx.at(root.nearest("friction", edge), fault, remedy)
+    if not any(scene.knows_pressure for scene in scenes):
+        return
+    for keys, fault, remedy in (*_without_energy(root), *_of_solver(solver)):
+        ctx.at(root.nearest(*keys), fault, remedy)
+
+
+def _held_edges(scenes: Sequence[Scene]) -> list[str]:
+    """Return the edges with Coulomb's friction that do not open at some point, each once."""
+    edges = dict[str, None]()
+    for scene in scenes:
+        roles = dict(scene.boundary)
+        for edge, law, _ in scene.friction_by_edge:
+            role = roles[edge]
+            if knows_pressure(law) and isinstance(role, Contact) and not role.opens:
+                edges[edge] = None
+    return list(edges)
+
+
+def _without_energy(root: Node) -> Iterator[Fault]:
+    """Yield the sections that need an energy."""
+    for key, reason in WITHOUT_ENERGY.items():
+        keys = tuple(key.split("."))
+        if root.at(*keys) is not None:
+            yield keys, f"{reason}, and friction of a pressed edge has none", f"remove {key}"
+
+
+def _of_solver(solver: SolverPlan | None) -> Iterator[Fault]:
+    """Yield what is asked of the solver."""
+    if solver is None:
+        return
+    if solver.every:
+        fault = "all solutions are known by their energy, and friction of a pressed edge has none"
+        yield ("solver", "branch"), fault, "write branch: lowest"
+    if solver.names != (SEPARABLE,):
+        fault = "friction of a pressed edge is solved by one method"
+        yield ("solver", "name"), fault, f"write name: {SEPARABLE}, or leave it out"
