@@ -38,19 +38,23 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.problem import ContactProblem, Status
-from tcstudy.contact.solution import Acceptance
-from tcstudy.contact.solve import solve_contact
+from tcstudy.contact.solution import Acceptance, judge
+from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.solver_plan import Branch
+from tcstudy.scene.solver_plan import START_NAMES, ZERO, Branch
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+NAN = float("nan")
 MAX_STEPS = 60
 """Separable problems that are solved before a run ends without a solution."""
+NEAR = 1e-6
+"""Change of strengths, relative to the largest, below which a state is refined to be judged."""
 MAX_NEWTON_STEPS = 12
 """Steps on the pieces of one solution."""
 NEWTON_ACCURACY = 1e-14
@@ -93,6 +97,12 @@ class PressureFriction:
         """Whether a coefficient of friction falls with the slip."""
         return any(law.omega > 0.0 for law, _ in self._groups(self.coulomb))
 
+    @property
+    def sizes(self) -> Array:
+        """(k,) the scale of φ of every node."""
+        laws = self.laws.tables
+        return laws.scales[self.laws.node_index(len(self.slip))]
+
     def _groups(self, chosen: Flags) -> list[tuple[Laws, Index]]:
         groups = self.laws.groups(len(self.slip))
         return [(law, nodes) for law, nodes in groups if np.any(chosen[nodes])]
@@ -122,10 +132,11 @@ class PressureFriction:
 class PressureAnswer:
     """A judged state of a body with friction that knows the pressure.
 
-    v, xi:     (m,) slips and openings [m], nodal forces [N/m]
+    v, v_low:  (m,) slips and openings v + v_low [m], as in `Answer`
+    xi:        (m,) nodal forces [N/m]
     pressure:  (k,) pressures of the nodes with such friction [Pa]
     strengths: (k,) σ at v
-    inclusion_residual: as in `Answer`, of both rows, with the strengths of v itself
+    inclusion_residual, rounding: as in `Answer`, of both rows, with the strengths of v itself
     status, reason: CONVERGED, or why not
     steps:     separable problems that were solved
     contraction: κ, an upper bound; NaN where there is none
@@ -133,10 +144,12 @@ class PressureAnswer:
     """
 
     v: Array
+    v_low: Array
     xi: Array
     pressure: Array
     strengths: Array
     inclusion_residual: float
+    rounding: float
     status: Status
     reason: str
     steps: int
@@ -198,22 +211,21 @@ class _Run:
         strengths = np.zeros(len(self.friction.slip))
         if v is not None:
             strengths = self.friction.strengths(self.problem, v, self.problem.xi(v))
-        reason = ""
-        state = None
-        change = np.inf
+        last_change = np.inf
         for step in range(1, MAX_STEPS + 1):
             state, reason = self._separable(strengths, v)
             if reason:
                 reason = UNSOLVED.format(step=step, reason=reason)
                 return self._judged(state, step, Status.STALLED, reason)
-            if self._accepts(state):
-                return self._judged(state, step, Status.CONVERGED, "")
             largest = float(np.max(state.strengths, initial=0.0)) or 1.0
             change = float(np.max(np.abs(state.strengths - strengths), initial=0.0)) / largest
-            strengths, v = self._next(state, strengths)
-        assert state is not None
-        reason = CYCLES.format(steps=MAX_STEPS, change=change)
-        return self._judged(state, MAX_STEPS, Status.ITERATION_LIMIT, reason)
+            judged = self._judged(state, step, refine=change <= NEAR)
+            if judged.status == Status.CONVERGED:
+                return judged
+            strengths, v = self._next(state, strengths, settles=change < 0.5 * last_change)
+            last_change = change
+        reason = CYCLES.format(steps=MAX_STEPS, change=last_change)
+        return replace(judged, status=Status.ITERATION_LIMIT, reason=reason)
 
     def _separable(self, strengths: Array, near: Array | None) -> tuple[_State, str]:
         """Return the solution with given strengths near a state, and why there is none."""
@@ -226,35 +238,52 @@ class _Run:
         reason = "" if solved.status == Status.CONVERGED else solved.reason
         return _State(solved.v, solved.xi, law, of_state), reason
 
-    def _own_problem(self, state: _State) -> ContactProblem:
-        """Return the separable problem of the strengths that a state itself has."""
-        law = self.friction.laws_with(self.problem.law, self.problem.m, state.strengths)
-        return ContactProblem.on(self.problem.body, self.problem.l_tilde, law)
+    def _judged(
+        self,
+        state: _State,
+        steps: int,
+        status: Status = Status.STALLED,
+        reason: str = "",
+        refine: bool = False,
+    ) -> PressureAnswer:
+        """Return a state as an answer, CONVERGED where both of its rows are included.
 
-    def _accepts(self, state: _State) -> bool:
-        own = self._own_problem(state)
-        residual = own.residual_bound(state.v)
-        return bool(self.acceptance.accepts(residual, own.xi_rounding(state.v)))
+        The laws are those of its own strengths. What refining it changes of them counts as well.
 
-    def _judged(self, state: _State, steps: int, status: Status, reason: str) -> PressureAnswer:
-        opening = self.friction.opening
-        residual = float(self._own_problem(state).residual_bound(state.v))
-        pressure = np.maximum(0.0, -state.xi[opening] / self.problem.c[opening])
+        refine: whether it is polished where its digits do not suffice
+        """
+        problem, friction = self.problem, self.friction
+        law = friction.laws_with(problem.law, problem.m, state.strengths)
+        own = ContactProblem.on(problem.body, problem.l_tilde, law)
+        judged = judge(own.rows, state.v[None], self.acceptance, refine)
+        v, xi = judged.v[0], judged.xi[0]
+        strengths = friction.strengths(problem, v, xi)
+        changes = np.abs(strengths - state.strengths) * friction.sizes
+        residual = float(judged.residual[0] + own.relative(changes, xi))
+        rounding = float(judged.rounding[0])
+        if not reason and self.acceptance.accepts(residual, rounding):
+            status = Status.CONVERGED
+        pressure = np.maximum(0.0, -xi[friction.opening] / problem.c[friction.opening])
         return PressureAnswer(
-            v=state.v,
-            xi=state.xi,
+            v=v,
+            v_low=judged.v_low[0],
+            xi=xi,
             pressure=pressure,
-            strengths=state.strengths,
+            strengths=strengths,
             inclusion_residual=residual,
+            rounding=rounding,
             status=status,
             reason=reason,
             steps=steps,
-            contraction=np.nan,
+            contraction=NAN,
             unique=False,
         )
 
-    def _next(self, state: _State, strengths: Array) -> tuple[Array, Array]:
-        """Return the strengths (k,) of the next step and the state (m,) to start it from."""
+    def _next(self, state: _State, strengths: Array, settles: bool) -> tuple[Array, Array]:
+        """Return the strengths (k,) of the next step and the state (m,) to start it from.
+
+        settles: whether the fixed point alone comes nearer
+        """
         pieces = state.law.piece(state.v)
         sticks = state.law.sticking(state.v)
         first = state.law.tables.first[state.law.node_index(self.problem.m)]
@@ -264,7 +293,8 @@ class _Run:
             v = self._newton(state)
             if v is not None:
                 return self.friction.strengths(self.problem, v, self.problem.xi(v)), v
-        return 0.5 * (strengths + state.strengths), state.v
+        share = 1.0 if settles else 0.5
+        return strengths + share * (state.strengths - strengths), state.v
 
     def _newton(self, state: _State) -> Array | None:
         """Return v (m,) that solves the equations of the pieces of a state, None if none does.
@@ -319,12 +349,12 @@ def contraction_bound(problem: ContactProblem, friction: PressureFriction) -> fl
     omega = problem.law.omega
     has_bound = np.all(friction.coulomb) and not friction.falls and np.isfinite(omega)
     if not has_bound or problem.body.loose:
-        return float("nan")
+        return NAN
     mu = friction.largest_coefficient
     lowered = problem.A_tilde - np.diag(omega * problem.c)
     factor, info = scipy.linalg.lapack.dpotrf(lowered, lower=1)
     if info != 0:
-        return float("nan")
+        return NAN
 
     def largest(rows: Array) -> float:
         """Return λ_max(R A_ω⁻¹ Rᵀ) of rows R."""
@@ -337,3 +367,46 @@ def contraction_bound(problem: ContactProblem, friction: PressureFriction) -> fl
     ratio = np.sqrt(problem.c[friction.slip] / problem.c[friction.opening])
     share = float(np.max(ratio, initial=0.0))
     return mu * share * float(np.sqrt(largest(slips) * largest(forces)))
+
+
+def as_answer(
+    problem: ContactProblem,
+    friction: PressureFriction,
+    solved: PressureAnswer,
+    tolerance: float | None = None,
+) -> tuple[Answer, Laws]:
+    """Return a state in the form of answers that have an energy, and the laws of its rows.
+
+    Of minima it says nothing, and its energies are NaN. Arguments as of `solve_with_pressure`.
+    """
+    laws = friction.laws_with(problem.law, problem.m, solved.strengths)
+    is_solved = solved.status == Status.CONVERGED
+    certificate = Certificate(
+        residual=solved.inclusion_residual,
+        lambda_1=NAN,
+        lambda_1_error=problem.A_error,
+        omega=NAN,
+        margin=NAN,
+        convex=False,
+        unique=solved.unique,
+        strict_minimum=False,
+        global_minimum=False,
+        energy_gap=NAN,
+    )
+    answer = Answer(
+        v=solved.v,
+        v_low=solved.v_low,
+        xi=solved.xi,
+        inclusion_residual=solved.inclusion_residual,
+        rounding=solved.rounding,
+        limited=is_solved and solved.inclusion_residual > Acceptance(tolerance).aim,
+        energy=NAN,
+        status=solved.status,
+        reason=solved.reason,
+        start=ZERO,
+        energies=np.full(len(START_NAMES), NAN),
+        iterations=solved.steps,
+        evaluations=solved.steps,
+        certificate=certificate,
+    )
+    return answer, laws

@@ -30,7 +30,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Equilibria
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import as_row, certify
-from tcstudy.contact.pressure_friction import PressureFriction
+from tcstudy.contact.pressure_friction import PressureFriction, as_answer, solve_with_pressure
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Status
 from tcstudy.contact.solve import Answer, solve_block, solve_contact
 from tcstudy.data.records import BlockRecord
@@ -67,7 +67,6 @@ from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, load_axes, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SLIP_BOUNDS, Study
-from tcstudy.study.pressed_points import pressed_answer
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -615,12 +614,12 @@ def _pressed_point(
 ) -> BlockRecord:
     """Solve one point whose friction knows the pressure."""
     scene = study.scenes[int(points[0])]
-    (answer, law, contraction), seconds = timed(
-        pressed_answer, problem, friction, study.solver.tolerance, neighbour
-    )
+    tolerance = study.solver.tolerance
+    solved, seconds = timed(solve_with_pressure, problem, friction, tolerance, neighbour)
+    answer, law = as_answer(problem, friction, solved, tolerance)
     laws = row_laws([law], np.ones(1))
     record = block_record(study, level, points, [scene], condensed, laws, as_row(answer), seconds)
-    numbers = record.numbers | _one_row({"contraction": contraction})
+    numbers = record.numbers | _one_row({"contraction": solved.contraction})
     fields = level.fields(scene, answer.v) if study.output.fields else {}
     return replace(record, numbers=numbers, fields=_one_row(fields))
 
