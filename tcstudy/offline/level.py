@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
 from tcstudy.condense.condensation import EliminationPlan
-from tcstudy.contact.pressure_friction import PressureFriction
 from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenpair
 from tcstudy.fem.forms import (
     ElasticForms,
@@ -45,7 +44,6 @@ from tcstudy.offline.guaranteed import (
 )
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
 from tcstudy.offline.opening_laws import laws_of_unknowns
-from tcstudy.offline.pressed import pressure_friction
 from tcstudy.scene.mesh_plan import Guarantee
 from tcstudy.scene.records import (
     Boundary,
@@ -60,6 +58,9 @@ from tcstudy.scene.records import (
     supports,
 )
 from tcstudy.shapes.rigid_motions import BoundaryPiece, RigidMotions, rigid_motions
+
+if TYPE_CHECKING:
+    from tcstudy.contact.pressure_friction import PressureFriction
 
 Array = NDArray[np.float64]
 Mechanical = Literal["body", "traction", "force", "moment"]
@@ -523,8 +524,11 @@ class Level:
 
         The law of the scene (`law`) is without it. Raises ValueError for a strength below 0.
         """
-        if self.opening is None:
+        if self.opening is None or not scene.knows_pressure:
             return None
+        # imported only for such scenes
+        from tcstudy.offline.pressed import pressure_friction
+
         return pressure_friction(scene, self.line, self.opening)
 
     def block(self, scenes: Sequence[Scene]) -> CondensedBlock:

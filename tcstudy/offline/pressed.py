@@ -32,15 +32,13 @@ def pressure_friction(
         return None
     factors = pressed.factors(line.edge_names, line.edge, line.xy, line.joints)
     _, slips, openings = np.intersect1d(line.nodes, opening.nodes, return_indices=True)
-    acts = np.array([not law.vanishes for _, law, _ in pressed.laws])
-    has_law = acts[:, None] & (factors[:, slips] > 0.0)
-    law_number, node = np.nonzero(has_law)
+    factors = factors[:, slips]
     laws = [law for _, law, _ in pressed.laws]
+    acts = np.array([not law.vanishes for law in laws])
     is_coulomb = np.array([knows_pressure(law) for law in laws])
-    return PressureFriction(
-        slip=slips[node],
-        opening=line.m + openings[node],
-        laws=nodal(laws, law_number, factors[law_number, slips[node]]),
-        coulomb=is_coulomb[law_number],
-        origin=np.zeros(len(node)),
-    )
+    number, node = np.nonzero(acts[:, None] & (factors > 0.0))
+    node_laws = nodal(laws, number, factors[number, node])
+    slip_rows = slips[node]
+    opening_rows = line.m + openings[node]
+    origin = np.zeros(len(node))
+    return PressureFriction(slip_rows, opening_rows, node_laws, is_coulomb[number], origin)

@@ -26,12 +26,6 @@ WITHOUT_ENERGY: Mapping[str, str] = {
 """Keys that need an energy, with the reason."""
 
 
-def mentions_coulomb(root: Node) -> bool:
-    """Return whether the text of a study has Coulomb's friction, in its section or in a sweep."""
-    sections = (root.at(name) for name in ("friction", "sweep"))
-    return any(node is not None and "coulomb" in node.text() for node in sections)
-
-
 def check_pressed(
     ctx: Context, root: Node, scenes: Sequence[Scene], solver: SolverPlan | None
 ) -> None:
@@ -40,7 +34,7 @@ def check_pressed(
     scenes: of all its points;  solver: None where its section has faults
     """
     for edge in _held_edges(scenes):
-        fault = f"Coulomb's friction needs the pressure, and {edge} is held along its normal"
+        fault = f"Coulomb's friction needs the pressure, and {edge} cannot open"
         remedy = f"write {edge}: {{role: contact, normal: unilateral}}, or another law"
         ctx.at(root.nearest("friction", edge), fault, remedy)
     if not any(scene.knows_pressure for scene in scenes):

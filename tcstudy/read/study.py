@@ -43,7 +43,6 @@ from tcstudy.read.loads import check_together, read_history, read_path, read_sen
 from tcstudy.read.opening import check_opening
 from tcstudy.read.physics import has_no_friction
 from tcstudy.read.plans import read_mesh, read_output, read_solver
-from tcstudy.read.pressed import check_pressed, mentions_coulomb
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, with_swept_keys
 from tcstudy.scene.keys import of_role, row, rows
@@ -167,7 +166,10 @@ def _one_body(
         fit = read_fit(ctx, reader, mesh, history)
     if reader.not_held:
         check_opening(ctx, root, reader.scenes, mesh, output, history)
-    if not ctx.errors.problems and (reader.not_held or mentions_coulomb(root)):
+    if not ctx.errors.problems and (reader.not_held or _mentions_coulomb(root)):
+        # imported only for such studies
+        from tcstudy.read.pressed import check_pressed
+
         check_pressed(ctx, root, reader.scenes, solver)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
@@ -196,6 +198,12 @@ def _one_body(
         scenes=scenes,
         units=ctx.units,
     )
+
+
+def _mentions_coulomb(root: Node) -> bool:
+    """Return whether the text of a study has Coulomb's friction, in its section or in a sweep."""
+    sections = (root.at(name) for name in ("friction", "sweep"))
+    return any(node is not None and "coulomb" in node.text() for node in sections)
 
 
 def _required(root: Node) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,6 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Equilibria
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import as_row, certify
-from tcstudy.contact.pressure_friction import PressureFriction, as_answer, solve_with_pressure
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Status
 from tcstudy.contact.solve import Answer, solve_block, solve_contact
 from tcstudy.data.records import BlockRecord
@@ -67,6 +66,9 @@ from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, load_axes, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SLIP_BOUNDS, Study
+
+if TYPE_CHECKING:
+    from tcstudy.contact.pressure_friction import PressureFriction
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -613,6 +615,9 @@ def _pressed_point(
     friction: PressureFriction,
 ) -> BlockRecord:
     """Solve one point whose friction knows the pressure."""
+    # imported only for such scenes
+    from tcstudy.contact.pressure_friction import as_answer, solve_with_pressure
+
     scene = study.scenes[int(points[0])]
     tolerance = study.solver.tolerance
     solved, seconds = timed(solve_with_pressure, problem, friction, tolerance, neighbour)

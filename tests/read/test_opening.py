@@ -18,7 +18,7 @@ from tcstudy.read import opening
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.schema import schema
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.keys import parameter_names
+from tcstudy.scene.keys import laws_of, parameter_names
 from tcstudy.scene.parameters import numbers
 from tcstudy.scene.records import Contact, Scene
 from tcstudy.scene.study import Study
@@ -95,7 +95,7 @@ def test_a_study_that_asks_for_nothing_has_what_it_had() -> None:
     assert (block.scenes[0].opens, block.scenes[0].adhesion) == (False, None)
 
 
-@pytest.mark.parametrize("law", SHAPES)
+@pytest.mark.parametrize("law", laws_of("adhesion"))
 def test_every_law_of_the_slip_is_one_of_the_opening(law: str) -> None:
     values = {
         "tau": 5.0, "tau_s": 5.0, "tau_k": 1.0, "tau_r": 1.0, "a": 5.0, "b": 1.0, "delta": 2.0, "k": 3.0,
