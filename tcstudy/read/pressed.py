@@ -20,6 +20,7 @@ Fault = tuple[tuple[str, ...], str, str]
 
 WITHOUT_ENERGY: Mapping[str, str] = {
     "path": "a path follows the energy",
+    "history": "the steps of a history balance the energy",
     "fit": "a fit follows the energy",
     "output.sensitivity": "results are differentiated along the energy",
 }
