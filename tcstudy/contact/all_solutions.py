@@ -52,7 +52,7 @@ On coarse meshes more of the first search's cheap boxes are as fast.
 """
 MIN_FIRST_BOXES = 20
 """Boxes before that on any mesh."""
-MODE_SHARE = 0.25
+MODE_SHARE = 0.5
 """Share of the limits that this search has; the first one goes on with the rest of the time."""
 _CELLS = (
     "of pieces of the law cannot be decided within rounding (a solution on a kink, as exact "

@@ -27,7 +27,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,7 +65,7 @@ _MIN_MOVE = 1e-3
 """Move in the last step of a turn below which a box has stopped, in sides."""
 _MAX_LEFT = 0.8
 """Share of the size of a box after a round above which it is split."""
-_MAX_ENTRIES = 4_000_000
+_MAX_ENTRIES = 1_000_000
 """Entries in the matrices of the boxes that are reduced together; it limits memory."""
 
 
@@ -138,6 +138,11 @@ class Strips(NamedTuple):
     vertex: Index
 
     @property
+    def centre(self) -> Array:
+        """(n, m, 2) the points from which shares of the chords are measured."""
+        return np.asarray(self.p + self.W * self.middle[..., None])
+
+    @property
     def straight(self) -> Flags:
         """(n,) boxes in which every node is on one side."""
         return np.asarray((self.weight <= 0.0).all(-1))
@@ -147,48 +152,65 @@ class Strips(NamedTuple):
         return Strips._make(column[rows] for column in self)
 
 
-class Enclosure(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Enclosure:
     """Bounds of v and ζ of all solutions in n boxes: centre + along x + bends δ ± room.
 
-    centre, room: of v and of ζ, (n, m) each;  along: (n, m, k) each;  bends: (n, m, B) each
-    radius:       (n, k) of |x|;  bend_radius: (n, B) of |δ|
-
-    Room is infinite where nothing is proved.
+    strip:     parts of the polygons;  node: (n, B) the nodes that bend
+    tau, YK, YL: (n, m), (n, m, B), (n, m, k) shares of the chords, and what changes them by δ, x
+    error:     (n, m) of these shares, infinite where nothing is proved
+    radius:    (n, k) of |x|;  bend_radius: (n, B) of |δ|
     """
 
-    centre: list[Array]
-    along: list[Array]
-    bends: list[Array]
-    room: list[Array]
+    strip: Strips
+    node: Index
+    tau: Array
+    YK: Array
+    YL: Array
+    error: Array
     radius: Array
     bend_radius: Array
 
-    def bent(self, axis: int) -> Array:
-        """Return (n, m) what bends and room add on both sides, without x."""
-        rounding = 1.0 + 8.0 * (self.bends[axis].shape[-1] + 1) * EPS
-        with np.errstate(invalid="ignore"):
-            bends = product(np.abs(self.bends[axis]), self.bend_radius)
-            return np.asarray(bends * rounding + self.room[axis])
+    def centre(self, axis: int) -> Array:
+        """Return (n, m) v or ζ in the middle."""
+        return np.asarray(self.strip.centre[..., axis] + self.strip.D[..., axis] * self.tau)
 
-    def reach(self, axis: int) -> Array:
-        """Return (n, m) the distance of the bounds from the centre."""
-        rounding = 1.0 + 8.0 * (self.along[axis].shape[-1] + 1) * EPS
+    def along(self, axis: int) -> Array:
+        """Return (n, m, k) how x moves v or ζ."""
+        return np.asarray(self.strip.D[..., axis, None] * self.YL)
+
+    def bends(self, axis: int) -> Array:
+        """Return (n, m, B) how bends move v or ζ."""
+        X = -self.strip.D[..., axis, None] * self.YK
+        row, bend = np.arange(len(X))[:, None], np.arange(X.shape[-1])
+        X[row, self.node, bend] += np.take_along_axis(self.strip.W[..., axis], self.node, -1)
+        return X
+
+    def room(self, axis: int, centre: Array) -> Array:
+        """Return (n, m) the error of v or ζ, rounding included."""
+        size = np.abs(centre) + np.abs(self.strip.centre[..., axis])
         with np.errstate(invalid="ignore"):
-            along = product(np.abs(self.along[axis]), self.radius)
-            return np.asarray(along * rounding + self.bent(axis))
+            return np.asarray(np.abs(self.strip.D[..., axis]) * self.error + 4.0 * EPS * size)
+
+    def bent(self, axis: int, centre: Array) -> Array:
+        """Return (n, m) how far v or ζ is from the centre without x."""
+        rounding = 1.0 + 8.0 * (self.YK.shape[-1] + 1) * EPS
+        bends = product(np.abs(self.bends(axis)), self.bend_radius)
+        return np.asarray(bends * rounding + self.room(axis, centre))
+
+    def reach(self, axis: int, centre: Array) -> Array:
+        """Return (n, m) how far v or ζ is from the centre."""
+        rounding = 1.0 + 8.0 * (self.YL.shape[-1] + 1) * EPS
+        along = product(np.abs(self.along(axis)), self.radius)
+        return np.asarray(along * rounding + self.bent(axis, centre))
 
     def between(self, low: Array, high: Array) -> Enclosure:
         """Return the bounds for x from low to high (n, k), which is within the radius."""
         middle = 0.5 * (low + high)
         radius = 0.5 * (high - low) * (1.0 + 8.0 * EPS) + 4.0 * EPS * np.abs(middle)
-        centre, room = [], []
-        for axis in (0, 1):
-            move = product(self.along[axis], middle)
-            size = np.abs(self.centre[axis])
-            size = size + product(np.abs(self.along[axis]), np.abs(middle) + radius)
-            centre.append(self.centre[axis] + move)
-            room.append(self.room[axis] + 8.0 * (middle.shape[-1] + 4) * EPS * size)
-        return self._replace(centre=centre, room=room, radius=radius)
+        size = np.abs(self.tau) + product(np.abs(self.YL), np.abs(middle) + radius)
+        error = self.error + 8.0 * (middle.shape[-1] + 4) * EPS * size
+        return replace(self, tau=self.tau + product(self.YL, middle), error=error, radius=radius)
 
 
 class Cells(NamedTuple):
@@ -293,6 +315,7 @@ class PolygonProblems:
     change: (m,) or (P, m) load per s, None for none
 
     points: (G, m, V, 2) vertices (s, b) of the polygons of the G kinds of problem
+    varies: whether loads change with s
     side_counts: (G, m) number of sides of each polygon
     Y:      (G, m, V) y = Ã_ii v + c_i ζ at the vertices [N/m]
     """
@@ -311,6 +334,7 @@ class PolygonProblems:
         self.m = len(c)
         self.load = load
         self.change = np.broadcast_to(0.0 if change is None else change, load.shape)
+        self.varies = bool(np.any(self.change))
         self.diagonal = np.diagonal(A).copy()
         self.size_of_A = np.abs(A)
         off_diagonal = A - np.diag(self.diagonal)
@@ -365,6 +389,7 @@ class PolygonProblems:
         others = copy(self)
         others.load = load
         others.change = change
+        others.varies = bool(np.any(change))
         return others
 
     def with_matrix(self, A: Array, size: Array) -> PolygonProblems:
@@ -582,7 +607,10 @@ class PolygonProblems:
     def strip_step(self, box: Boxes, strip: Strips) -> Boxes:
         """Return boxes made smaller by the bounds of v and ζ, where an inverse proves them."""
         per_s = self.change[box.problem][..., None]
-        enclosure = self.enclosure(strip, self.load[box.problem], per_s, np.ones((len(per_s), 1)))
+        if not self.varies:
+            per_s = per_s[..., :0]
+        ends = np.ones((len(per_s), per_s.shape[-1]))
+        enclosure = self.enclosure(strip, self.load[box.problem], per_s, ends)
         return self.clipped(box, self.conditions(box, enclosure))
 
     def enclosure(self, strip: Strips, load: Array, columns: Array, radius: Array) -> Enclosure:
@@ -594,7 +622,7 @@ class PolygonProblems:
         """
         M, products, scale = self.matrix(strip.D)
         Y, share = inverse_of(M, products, scale)
-        middle = strip.p + strip.W * strip.middle[..., None]
+        middle = strip.centre
         tau = product(Y, load - middle[..., 0] @ self.A - self.c * middle[..., 1])
         node, YK, bend_radius = self._bends(strip, Y)
         YL = Y @ columns
@@ -609,31 +637,22 @@ class PolygonProblems:
             terms += product(np.abs(YL), radius)
             error += share[:, None] * terms.max(-1, keepdims=True)
         is_proved = np.isfinite(share) & np.isfinite(tau).all(-1) & np.isfinite(error).all(-1)
-        for values in (tau, YK, YL):
-            values[~is_proved] = 0.0
-        error = np.where(is_proved[:, None], error, np.inf) / scale
+        if not is_proved.all():
+            error[~is_proved] = np.inf
+            for shares in (tau, YK, YL):
+                shares[~is_proved] = 0.0
+        error = error / scale
         tau, YK, YL = tau / scale, YK / scale[..., None], YL / scale[..., None]
 
-        row, bend = np.arange(len(YK))[:, None], np.arange(node.shape[1])
-        centre, along, bends, room = [], [], [], []
-        for axis in (0, 1):
-            d = strip.D[..., axis]
-            X = -d[..., None] * YK
-            X[row, node, bend] += np.take_along_axis(strip.W[..., axis], node, -1)
-            centre.append(middle[..., axis] + d * tau)
-            along.append(d[..., None] * YL)
-            bends.append(X)
-            with np.errstate(invalid="ignore"):
-                size = np.abs(centre[axis]) + np.abs(middle[..., axis])
-                room.append(np.abs(d) * error + 4.0 * EPS * size)
-        return Enclosure(centre, along, bends, room, radius, bend_radius)
+        return Enclosure(strip, node, tau, YK, YL, error, radius, bend_radius)
 
     def conditions(self, box: Boxes, enclosure: Enclosure) -> list[Condition]:
         """Return the bounds of v and ζ of an enclosure."""
         points = self.rows_of(self.points, box.problem)
         conditions = []
         for axis in (0, 1):
-            centre, reach = enclosure.centre[axis], enclosure.reach(axis)
+            centre = enclosure.centre(axis)
+            reach = enclosure.reach(axis, centre)
             is_known = np.isfinite(centre) & np.isfinite(reach)
             low = np.where(is_known, centre - reach, -np.inf)
             high = np.where(is_known, centre + reach, np.inf)

@@ -123,7 +123,7 @@ class ModeSearch:
         self.m = problems.m
         self.N, self.sigma = self._modes()
         self.change = problems.change[0]
-        self.has_s = bool(np.any(self.change))
+        self.has_s = problems.varies
         self.columns = self.sigma * self.N
         if self.has_s:
             self.columns = np.column_stack([self.columns, self.change])
@@ -297,10 +297,10 @@ class ModeSearch:
         """
         k = self.N.shape[1]
         size_of_N = np.abs(self.N)
-        v_0, V, X = enclosure.centre[0], enclosure.along[0], enclosure.bends[0]
-        NX = self.N.T @ X
-        size_of_v = np.abs(v_0) + enclosure.reach(0)
-        small = (enclosure.room[0] + 4.0 * (self.m + 8) * EPS * size_of_v) @ size_of_N
+        v_0, V = enclosure.centre(0), enclosure.along(0)
+        NX = self.N.T @ enclosure.bends(0)
+        size_of_v = np.abs(v_0) + enclosure.reach(0, v_0)
+        small = (enclosure.room(0, v_0) + 4.0 * (self.m + 8) * EPS * size_of_v) @ size_of_N
         small += 8.0 * EPS * (np.abs(x_0) + enclosure.radius)[:, :k]
         bends = product(np.abs(NX), enclosure.bend_radius) * (1.0 + 8.0 * EPS)
         g = v_0 @ self.N - x_0[:, :k]
@@ -315,10 +315,11 @@ class ModeSearch:
             room += product(np.abs(Z), small + rounding)
             low, high = _Equations(Z @ equations.S, product(Z, g), room).narrowed(low, high)
         for axis, (least, greatest) in enumerate(self.problems.hulls(box.places)):
-            middle = 0.5 * (least + greatest) - enclosure.centre[axis]
-            room = 0.5 * (greatest - least) + enclosure.bent(axis)
-            room += 8.0 * EPS * (np.abs(least) + np.abs(greatest) + np.abs(enclosure.centre[axis]))
-            low, high = _Equations(enclosure.along[axis], middle, room).narrowed(low, high)
+            centre = enclosure.centre(axis)
+            room = 0.5 * (greatest - least) + enclosure.bent(axis, centre)
+            room += 8.0 * EPS * (np.abs(least) + np.abs(greatest) + np.abs(centre))
+            g = 0.5 * (least + greatest) - centre
+            low, high = _Equations(enclosure.along(axis), g, room).narrowed(low, high)
         return low, high
 
     # -- ends --------------------------------------------------------------------------------------
