@@ -36,6 +36,7 @@ from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.fit_plan import (
     PLACE,
     RESULTS,
+    RESULTS_OF_OPENINGS,
     STEP,
     FitColumn,
     FitParameter,
@@ -175,7 +176,8 @@ def _check(fields: Fields, plan: FitPlan) -> None:
         fault = f"{plan.count} data cannot decide {count} numbers"
         fields.fault("data", fault, "measure more, or fit fewer numbers")
     paths = [parameter.number.path for parameter in plan.parameters]
-    if plan.smooth and sum(path[-2:-1] == (POINTS,) for path in paths) < 3:
+    paths_of_friction = [path for path in paths if path[0] == "friction"]
+    if plan.smooth and sum(path[-2:-1] == (POINTS,) for path in paths_of_friction) < 3:
         remedy = "fit friction.points.0, friction.points.1 and so on, or remove smooth"
         fields.fault("smooth", "a smooth law has at least three of its points fitted", remedy)
     for parameter in plan.parameters:
@@ -192,6 +194,9 @@ def _check_orthogonal(fields: Fields, plan: FitPlan, names: Sequence[str]) -> No
         columns = "give one parameter of the load and friction_resultant"
         fault = "distances to a path need two columns"
         fields.fault("compare", fault, f"{columns}, or use compare: vertical")
+    elif plan.scene.opens:
+        fault = "a path is of slips alone, and an edge may open"
+        fields.fault("compare", fault, "use compare: vertical")
     elif not isinstance(plan.scene.friction, Laws):
         fault = "a path takes one law, the same all along the contact line"
         fields.fault("compare", fault, "use compare: vertical")
@@ -250,7 +255,8 @@ def _column_candidates(scene: Scene, has_history: bool) -> dict[Keys, Number]:
     if not has_history:
         candidates |= {keys: load for keys, load in affine_numbers(scene) if not load.idle}
     dimensions: dict[Keys, Dimension] = {STEP: NONE} if has_history else {PLACE: LENGTH}
-    dimensions |= {(name,): dimension for name, dimension in RESULTS.items()}
+    results = RESULTS | (RESULTS_OF_OPENINGS if scene.opens else {})
+    dimensions |= {(name,): dimension for name, dimension in results.items()}
     for keys, dimension in dimensions.items():
         candidates[keys] = Number(Key(keys[0], "number", "", dimension), 0.0)
     return candidates
@@ -290,7 +296,7 @@ def _column(
     sigma = ctx.quantity(noise[name], dimension) if name in noise else None
     if sigma is not None and sigma <= 0.0:
         ctx.errors.at(noise[name], "must be above 0", "give the standard deviation of the noise")
-    path = () if name in RESULTS else path
+    path = () if name in (*RESULTS, *RESULTS_OF_OPENINGS) else path
     return FitColumn(name, path, ctx.cf(dimension), values, sigma, dimension)
 
 

@@ -157,7 +157,6 @@ def _of_memory(memory: Memory, scene: Scene) -> Iterator[Fault]:
 
 UNKNOWN: Mapping[str, str] = {
     "path": "no path is followed",
-    "fit": "no law is fitted",
     "history": "no history is followed",
 }
 """Sections that a study with edges that open cannot have yet, with the reason."""

@@ -19,6 +19,12 @@ RESULTS = {
     "u_T": u.LENGTH,
 }
 """Results that may be measured, with their dimensions; u_T is that at the x of the datum."""
+RESULTS_OF_OPENINGS = {
+    "opening_max": u.LENGTH,
+    "peel_stress_max": u.TRACTION,
+    "adhesion_resultant": u.LINE_FORCE,
+}
+"""Results that may be measured where an edge may open."""
 PLACE = ("x",)
 """Key path of the column that says where on the contact line u_T was measured."""
 STEP = ("step",)

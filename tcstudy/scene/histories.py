@@ -125,7 +125,7 @@ class Memory:
             return
         if law.closing is not None and self.name != "damage":
             yield (
-                f"{self.name} remembers slips, and {law.name} is a law of openings; "
+                f"{self.name} is a memory of slips, and {law.name} is a law of openings; "
                 "give the edge memory: damage"
             )
         elif law.closing is None and not is_odd(law):

@@ -372,10 +372,10 @@ def _law_values(
 ) -> dict[str, Array]:
     """Return the fitted law over the slips of the data, with its standard error.
 
-    Empty where laws differ along the contact line.
+    Empty where laws differ along the contact line, or an edge may open by another law.
     """
     scene = model.scene(best.p)
-    if len(scene.laws) != 1 or scene.laws[0].made is None:
+    if scene.opens or len(scene.laws) != 1 or scene.laws[0].made is None:
         return {}
     law = scene.laws[0]
     max_slip = 1.25 * float(np.max(np.abs(law.kinks), initial=0.0)) or 5.0 * law.s_scale

@@ -41,7 +41,7 @@ from tcstudy.laws.composed import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.read.scenes import SceneReader
-from tcstudy.scene.fit_plan import FitPlan, Sensitivity
+from tcstudy.scene.fit_plan import RESULTS_OF_OPENINGS, FitPlan, Sensitivity
 from tcstudy.scene.histories import Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.path_plan import Direction
@@ -49,7 +49,7 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.solver_plan import Branch
 from tcstudy.study.history_run import follow_steps
 from tcstudy.study.path_run import affine_load, follow_branch, straightened
-from tcstudy.study.sensitivities import rates_of
+from tcstudy.study.sensitivities import opening_slopes, rates_of
 
 Array = NDArray[np.float64]
 RELATIVE_STEP = 1e-6
@@ -152,8 +152,15 @@ class FitModel:
             )
         return replace(comparison, jacobian=jacobian)
 
-    # -- at all n data: results (n, 3 + m), the SCALARS and u_T, and their derivatives
-    # (n, 3 + m, k)
+    # -- at all n data: results (n, s + m), the s scalars and u_T, and their derivatives
+    # (n, s + m, k)
+
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """The names of the results that are one number."""
+        if self.level.opening is None:
+            return SCALARS
+        return (*SCALARS, *RESULTS_OF_OPENINGS)
 
     def _steps(self, p: Array) -> tuple[Array, Array]:
         """Return results and derivatives at the measured steps; differences stay in the bounds."""
@@ -225,20 +232,32 @@ class FitModel:
 
     def _results(self, scene: Scene, problem: ContactProblem, v: Array) -> Array:
         mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
-        return np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v])
+        xi, force = self.level.split(problem.xi(v))
+        u_T, s_N = self.level.split(v)
+        scalars = [xi.sum(), np.max(np.abs(u_T)), mean]
+        if self.level.opening is not None:
+            S_N = force / self.level.opening.c
+            scalars += [s_N.max(), max(0.0, S_N.max()), force.sum()]
+        return np.array([*scalars, *u_T])
 
     def _rates(
         self, scene: Scene, problem: ContactProblem, v: Array, numbers: list[Sensitivity]
     ) -> Array:
-        """Return (3 + m, K) derivatives of the results at one solution."""
+        """Return (s + m, K) derivatives of the results at one solution."""
+        level = self.level
         linearised = Linearised.at(problem, v)
-        body = WholeBody(self.level, scene, v)
-        largest = int(np.abs(v).argmax())
+        body = WholeBody(level, scene, v)
+        u_T, _ = level.split(v)
+        largest = int(np.abs(u_T).argmax())
         rates = list[list[float]]()
         for number in numbers:
-            change = change_of(self.level, scene, number)
+            change = change_of(level, scene, number)
             dv, dxi, dmean = rates_of(body, number, linearised, change)
-            rates.append([dxi.sum(), np.sign(v[largest]) * dv[largest], dmean, *dv])
+            du_T, _ = level.split(dv)
+            dR = level.split(dxi)[0].sum()
+            scalars = [dR, np.sign(u_T[largest]) * du_T[largest], dmean]
+            slopes = opening_slopes(level, linearised, dv, dxi)
+            rates.append([*scalars, *slopes.values(), *du_T])
         return np.array(rates).T
 
     def _vertical(self, results: Array, rates: Array) -> Comparison:
@@ -247,11 +266,12 @@ class FitModel:
         slope_columns = list[Array]()
         for column in self.plan.measured:
             if column.name == "u_T":
-                u_T = results[:, 3:]
+                first = len(self.scalars)
+                u_T = results[:, first:]
                 predicted_columns.append(np.einsum("im,im->i", self._weights, u_T))
-                slope_columns.append(np.einsum("im,imk->ik", self._weights, rates[:, 3:]))
+                slope_columns.append(np.einsum("im,imk->ik", self._weights, rates[:, first:]))
             else:
-                position = SCALARS.index(column.name)
+                position = self.scalars.index(column.name)
                 predicted_columns.append(results[:, position])
                 slope_columns.append(rates[:, position])
         predicted = np.concatenate(predicted_columns)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.records import Contact, Material, Scene
+from tcstudy.scene.records import Clamped, Contact, Material, Scene
 from tcstudy.shapes.rigid_motions import BoundaryPiece
 from tcstudy.shapes.thickness import thickness
 
@@ -46,15 +46,17 @@ class Arm:
 
     thickness: median distance from the edge straight through the body [m]
     length:    extent of the body along the edge [m]
+    is_backed: whether a clamped or rigid edge lies opposite
     """
 
     thickness: float
     length: float
+    is_backed: bool = False
 
     @property
     def bends(self) -> bool:
-        """Whether it is slender enough to bend."""
-        return self.length >= SLENDER * self.thickness
+        """Whether it is slender enough to bend, and nothing opposite prevents that."""
+        return self.length >= SLENDER * self.thickness and not self.is_backed
 
     @property
     def least_element(self) -> float:
@@ -72,6 +74,7 @@ def arm_of(scene: Scene, pieces: Sequence[BoundaryPiece]) -> Arm | None:
     None if contact is bilateral.
     """
     boundary = [piece.points for piece in pieces]
+    clamped = [piece.points for piece in pieces if piece.name in scene.edges(Clamped)]
     corners = np.concatenate(boundary)
     contact = [(name, role) for name, role in scene.boundary if isinstance(role, Contact)]
     moving = {name for name, role in contact if role.normal != "held"}
@@ -85,7 +88,9 @@ def arm_of(scene: Scene, pieces: Sequence[BoundaryPiece]) -> Arm | None:
         distances = thickness(points, normals, boundary)
         n_x, n_y = normals[len(normals) // 2]
         length = float(np.ptp(corners @ np.array([-n_y, n_x])))
-        arms.append(Arm(float(np.median(distances)), length))
+        to_clamped = thickness(points, normals, clamped) if clamped else np.inf
+        is_backed = bool(np.mean(to_clamped <= distances) > 0.5)
+        arms.append(Arm(float(np.median(distances)), length, is_backed))
     return min(arms, key=lambda arm: arm.thickness, default=None)
 
 

@@ -68,7 +68,7 @@ def derivatives_of(
             friction = friction_slopes(level, scene, number, linearised)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
-        values = _of_openings(level, linearised, dv, dxi) | {
+        values = opening_slopes(level, linearised, dv, dxi) | {
             "u_T_max": _derivative_of_largest(level.split(v)[0], level.split(dv)[0]),
             "friction_resultant": float(level.split(dxi)[0].sum()),
             "theta_mean": theta_mean,
@@ -81,7 +81,7 @@ def derivatives_of(
     return derivatives
 
 
-def _of_openings(level: Level, at: Linearised, dv: Array, dxi: Array) -> dict[str, float]:
+def opening_slopes(level: Level, at: Linearised, dv: Array, dxi: Array) -> dict[str, float]:
     """Return the derivatives of results along openings by name, none without openings.
 
     dv, dxi: (m,) derivatives of the contact DOFs and of their nodal forces

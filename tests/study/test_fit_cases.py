@@ -389,3 +389,39 @@ def test_numbers_that_nothing_depends_on_are_named(tmp_path: Path) -> None:
     )
     with pytest.raises(FitError, match=r"do not depend on friction\.tau, alpha_T"):
         fit(heated(tmp_path, text))
+
+
+COLUMN = """
+units: none
+body: {rectangle: {width: 1, height: 0.1}}
+boundary: {bottom: contact, left: symmetry, top: {role: clamped, u_x: free, u_y: 0.1}, right: free}
+material: {E: 1, nu: 0}
+adhesion: {law: bilinear, sigma: 1.2, s0: 0.07, sf: 0.35}
+mesh: {maxh: 0.1}
+fit:
+  data: {file: data.csv, columns: {boundary.top.u_y: d, adhesion_resultant: P, opening_max: s}}
+  noise: {adhesion_resultant: 0.01, opening_max: 0.001}
+  starts: 1
+  parameters:
+    adhesion.sigma: {start: 1.2, within: [0.2, 5]}
+    adhesion.s0: {start: 0.07, within: [0.01, 0.2]}
+    adhesion.sf: {start: 0.35, within: [0.25, 2]}
+"""
+LIFTED = np.array([0.05, 0.1, 0.18, 0.22, 0.25, 0.28])
+
+
+def test_a_law_of_the_opening_from_a_column_that_is_lifted(tmp_path: Path) -> None:
+    """E/H = 10 on σ = 1, s0 = 0.1, sf = 0.3: s = d/2 up to d = 0.2, then s = 2d − 0.3."""
+    s = np.where(LIFTED <= 0.2, LIFTED / 2.0, 2.0 * LIFTED - 0.3)
+    P = 10.0 * (LIFTED - s)
+    record = fit(fitted(tmp_path, COLUMN, "d,P,s", LIFTED, P, s))
+    assert record.values["estimate"] == pytest.approx([1.0, 0.1, 0.3], rel=1e-8)
+    for old, new, fault in (
+        ("starts: 1", "compare: orthogonal", "distances to a path need two columns"),
+        ("opening_max: s}", "opening_min: s}", "opening_min: unknown name"),
+    ):
+        with pytest.raises(StudyError, match=fault):
+            fitted(tmp_path, COLUMN.replace(old, new), "d,P,s", LIFTED, P, s)
+    bilateral = COLUMN.replace("adhesion: {", "friction: {").replace("sigma: 1.2", "tau: 1.2")
+    with pytest.raises(StudyError, match="adhesion_resultant: unknown name"):
+        fitted(tmp_path, bilateral, "d,P,s", LIFTED, P, s)

@@ -491,6 +491,7 @@ BRITTLE = "adhesion={bond: {law: bilinear, sigma: 160 MPa, s0: 0.5 um, sf: 1.75 
         ([BRITTLE], ["zone of 273 um"]),
         (["adhesion={law: tresca, sigma: 1 MPa}", "mesh.maxh=0.5 mm"], [THREE]),
         ([*FREE, SHEAR, "mesh.maxh=0.3 mm"], [FIVE]),
+        (["boundary.top={role: rigid, u_x: 0, force: [0, 1 N/mm]}", "mesh.maxh=0.3 mm"], []),
         (["adhesion=null", SHEAR, "mesh.maxh=0.3 mm"], []),
     ],
 )
