@@ -434,13 +434,17 @@ class Level:
         rows = [self.frames.rows(motion.T.ravel())[self.rows] for motion in u]
         return np.array(rows).reshape(-1, self.m)
 
-    def motion_names(self, scene: Scene) -> list[str]:
-        """Return the rigid motions in words; a translation that opens an edge separates."""
-        opens = np.any(self.contact_motions(scene)[:, self.line.m :] != 0.0, axis=1)
-        names = []
-        for name, is_open in zip(self.motions(scene).names, opens, strict=True):
-            names.append(name.replace("slide", "separate") if is_open else name)
-        return names
+    def motion_name(self, scene: Scene, weights: Array) -> str:
+        """Return a sum of the rigid motions in words; a translation that opens an edge separates.
+
+        weights: (k,) of the motions
+        """
+        motions = self.motions(scene)
+        coefficients = weights @ motions.coefficients
+        size = float(np.max(np.abs(coefficients))) or 1.0
+        name = replace(motions, coefficients=coefficients[None] / size).words
+        opens = np.any(weights @ self.contact_motions(scene)[:, self.line.m :] != 0.0)
+        return name.replace("slide", "separate") if opens else name
 
     def motions(self, scene: Scene) -> RigidMotions:
         """Return the rigid motions that the supports of a scene leave, so that contact holds it."""

@@ -1,16 +1,17 @@
 """Rigid motions that a load sets off where contact alone holds a body.
 
 With Ãr = 0 for a rigid motion r at the contact nodes, an equilibrium has rᵀξ = rᵀl̃. The force of
-friction along r is at most
+contact along r is at most
     Σ sup c_i r_i b̂_i over all slips,
-and no load beyond that has an equilibrium. Below it, a softening bond can still fail, from its
+and no load beyond that has an equilibrium. Of several motions, the sum that exceeds it most is
+found by a linear program. Below it, a softening bond can still fail, from its
 loaded end on. A descent then runs along r without end, and rounding hides where it is: Ãv is the
 difference of large numbers. Answers are therefore accepted only if their forces along r balance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -32,29 +33,33 @@ REMEDY = "pull by a displacement (a rigid edge with u_x or u_y), or lower the lo
 
 
 def judged(
-    answers: Answer, loads: Array, laws: Laws, c: Array, motions: Array, names: Sequence[str]
+    answers: Answer,
+    loads: Array,
+    laws: Laws,
+    c: Array,
+    motions: Array,
+    name_of: Callable[[Array], str],
 ) -> Answer:
     """Return the answers of a loose body, those that are no equilibria as failed with the reason.
 
     loads:   (P, m) l̃ [N/m];  laws: of the rows
-    motions: (k, m) rigid motions r at the contact DOFs;  names: these in words
+    motions: (k, m) rigid motions r at the contact DOFs
+    name_of: words for a sum of the motions with weights (k,)
     """
     push = loads @ motions.T
-    strength = _strength(laws, c, motions, push)
     low, high = laws.interval(answers.v)
     friction = np.clip(answers.xi, c * low, c * high) @ motions.T
-    size = laws.b_scale * (np.abs(motions) @ c)
-    is_balanced = np.abs(push - friction) <= MAX_RESIDUAL * (np.abs(push) + size)
+    size = np.abs(loads) @ np.abs(motions.T) + laws.b_scale * (np.abs(motions) @ c)
+    is_balanced = np.abs(push - friction) <= MAX_RESIDUAL * size
     is_solution = answers.status == Status.CONVERGED
     is_solution &= answers.inclusion_residual <= MAX_RESIDUAL
     is_solution &= np.all(is_balanced, axis=1)
-    excess = np.where(push == 0.0, 0.0, np.inf)
-    is_finite = strength > MAX_RESIDUAL * np.abs(push)
-    np.divide(np.abs(push), strength, out=excess, where=is_finite)
-    worst = np.argmax(excess, axis=1)
+    least, largest = _extremes(laws, loads.shape)
     reasons = list(answers.reason)
     for row in np.flatnonzero(~is_solution).tolist():
-        reasons[row] = _reason(names[worst[row]], float(excess[row, worst[row]]))
+        forces = c * least[row], c * largest[row]
+        weights, excess = worst_motion(push[row], motions, *forces)
+        reasons[row] = _reason(name_of(weights), excess)
     status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
     certificate = answers.certificate
     if certificate is not None:
@@ -72,6 +77,56 @@ def judged(
     )
 
 
+def worst_motion(push: Array, motions: Array, least: Array, largest: Array) -> tuple[Array, float]:
+    """Return weights (k,) of the motion along which the load exceeds contact most, and how far.
+
+    The excess is rᵀl̃ over Σ max(r_i ξ_i); above 1 no equilibrium exists. One of the motions is
+    taken if it tells that, else one of their sums, from a linear program.
+
+    push:           (k,) rᵀl̃ of the motions [N/m];  motions: (k, m) r
+    least, largest: (m,) forces of contact over all slips [N/m]
+    """
+    singles = np.diag(np.where(push < 0.0, -1.0, 1.0))
+    excesses = [_excess(weights, push, motions, least, largest) for weights in singles]
+    worst = int(np.argmax(excesses))
+    if excesses[worst] > 1.0 or len(push) == 1:
+        return singles[worst], excesses[worst]
+    weights = _freed(push, motions, least, largest)
+    excess = _excess(weights, push, motions, least, largest)
+    if excess > 1.0:
+        return weights, excess
+    return singles[worst], excesses[worst]
+
+
+def _excess(weights: Array, push: Array, motions: Array, least: Array, largest: Array) -> float:
+    """Return the load along a motion over the largest force of contact against it."""
+    load = float(weights @ push)
+    if load <= 0.0:
+        return 0.0
+    motion = weights @ motions
+    moves = np.abs(motion) > MAX_RESIDUAL * np.max(np.abs(motions))
+    forces = [motion[moves] * force[moves] for force in (least, largest)]
+    strength = float(np.sum(np.maximum(*forces)))
+    return load / strength if strength > MAX_RESIDUAL * load else np.inf
+
+
+def _freed(push: Array, motions: Array, least: Array, largest: Array) -> Array:
+    """Return weights (k,) in [−1, 1] that maximise rᵀl̃ − Σ max(r_i ξ_i)."""
+    from scipy.optimize import linprog  # only for points that fail
+
+    k, m = motions.shape
+    rows = []
+    for force, sign in ((least, -1.0), (largest, 1.0)):
+        is_finite = np.isfinite(force)
+        bounded = np.where(is_finite, force, sign)
+        # r_i ξ_i ≤ t_i, or where ξ_i has no bound r_i must not work against it
+        rows.append(np.hstack([bounded[:, None] * motions.T, -np.diag(is_finite.astype(float))]))
+    bounds = [(-1.0, 1.0)] * k + [(None if np.isfinite(f) else 0.0, None) for f in least]
+    objective = np.concatenate([-push, np.ones(m)])
+    program = linprog(objective, A_ub=np.vstack(rows), b_ub=np.zeros(2 * m), bounds=bounds)
+    return np.zeros(k) if program.x is None else np.asarray(program.x[:k])
+
+
 def step_reason(words: str, reason: str) -> str:
     """Return why a step of a history of a loose body has no equilibrium.
 
@@ -86,26 +141,23 @@ def _reason(name: str, excess: float) -> str:
 
     name: the motion in words;  excess: load along it over the largest force of contact
     """
+    remedy = REMEDY
+    if name.startswith("separate"):
+        remedy = "press the body onto its foundation, or support it"
     if not np.isfinite(excess):
-        return f"it can {name}, and nothing resists that; {REMEDY}"
+        return f"it can {name}, and nothing resists that; {remedy}"
     if excess > 1.0:
         ratio = f"{excess:.3g} times what contact can resist"
-        return f"it can {name}: the load along that is {ratio}; {REMEDY}"
+        return f"it can {name}: the load along that is {ratio}; {remedy}"
     fault = f"it can {name} once the bond has failed, and no equilibrium was found before that"
-    return f"{fault}; {REMEDY}, or follow the path of the load to its peak"
+    return f"{fault}; {remedy}, or follow the path of the load to its peak"
 
 
-def _strength(laws: Laws, c: Array, motions: Array, push: Array) -> Array:
-    """Return (P, k) the largest force of friction against a push along motions [N/m]."""
-    reach = np.broadcast_to(far(laws)[laws.index], push.shape[:1] + c.shape)
+def _extremes(laws: Laws, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return (P, m) least and largest tractions of contact over all slips [Pa]."""
+    reach = np.broadcast_to(far(laws)[laws.index], shape)
     least, largest = value_range(laws, -reach, reach)
     last = laws.locate(reach)
     least = np.where(laws.slope(-reach, laws.locate(-reach).piece) > 0.0, -np.inf, least)
     largest = np.where(laws.slope(reach, last.piece + last.on) > 0.0, np.inf, largest)
-    strength = np.zeros(push.shape)
-    for k, motion in enumerate(motions):
-        moves = motion != 0.0
-        forces = [(c * motion)[moves] * b[:, moves] for b in (least, largest)]
-        against = np.maximum(*forces).sum(axis=1), -np.minimum(*forces).sum(axis=1)
-        strength[:, k] = np.where(push[:, k] >= 0.0, *against)
-    return strength
+    return least, largest

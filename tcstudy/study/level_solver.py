@@ -699,7 +699,7 @@ def block_record(
             laws,
             condensed.c,
             level.contact_motions(scenes[0]),
-            level.motion_names(scenes[0]),
+            partial(level.motion_name, scenes[0]),
         )
     # without friction a solution has nothing but rounding of ξ, which the inclusion residual tells
     is_frictionless = np.array([scene.friction.vanishes for scene in scenes])

@@ -238,22 +238,29 @@ adhesion: {bottom: {law: linear, k: 0, closing: 200 GPa/m}}
 loads: {f: [0, -24 kN/m^3]}
 mesh: {maxh: 0.1}
 """
+RIGID = SLAB.replace("bottom: contact", "bottom: {role: contact, normal: unilateral}").replace(
+    "adhesion: {bottom: {law: linear, k: 0, closing: 200 GPa/m}}\n", ""
+)
 
 
+@pytest.mark.parametrize("text", [SLAB, RIGID], ids=["soft", "rigid"])
 @pytest.mark.parametrize(
-    ("f", "motion", "ratio"),
+    ("f", "top", "motion", "ratio"),
     [
-        ("[4 kN/m^3, -24 kN/m^3]", "", 0.0),
-        ("[-6 kN/m^3, -24 kN/m^3]", "slide along x", 1.2),
-        ("[0, 1 kN/m^3]", "separate along y", np.inf),
+        ("[4 kN/m^3, -24 kN/m^3]", "0", "", 0.0),
+        ("[-6 kN/m^3, -24 kN/m^3]", "0", "slide along x", 1.2),
+        ("[0, 1 kN/m^3]", "0", "separate along y", np.inf),
+        ("[0, -24 kN/m^3]", "1500*x", "turn about (0, 0)", np.inf),
     ],
 )
 @pytest.mark.filterwarnings("ignore:elements of 100 mm are large")
-def test_a_slab_that_only_lies_there_slides_or_separates(
-    tmp_path: Path, f: str, motion: str, ratio: float
+def test_a_slab_that_only_lies_there_slides_separates_or_tips(
+    tmp_path: Path, text: str, f: str, top: str, motion: str, ratio: float
 ) -> None:
-    """Three motions are left: weight resists one and the tilt, friction of 6 kN/m the other."""
-    tree = results(tmp_path, f"loads.f={f}", text=SLAB)
+    """Weight of 28.8 kN/m, friction of 6 kN/m. A lift of 1.5 kPa/m x is 27 kN/m, less than the
+    weight, but its moment about the left end is 108 kN, and that of the weight 86.4 kN."""
+    load = f'boundary.top={{role: traction, g: [0, "{top}"]}}'
+    tree = results(tmp_path, f"loads.f={f}", load, text=text)
     (reason,) = reasons(tree)
     if not motion:
         assert finest(tree)["status"].item() == PointStatus.OK
@@ -264,4 +271,5 @@ def test_a_slab_that_only_lies_there_slides_or_separates(
     if np.isfinite(ratio):
         assert float(reason.split(" times")[0].split()[-1]) == pytest.approx(ratio, rel=1e-2)
     else:
-        assert "and nothing resists that" in reason
+        remedy = "press the body on" if "separate" in motion else REMEDY
+        assert reason.startswith(f"it can {motion}, and nothing resists that; {remedy}")
