@@ -1,9 +1,9 @@
 """Histories of bodies whose friction knows the pressure, step after step.
 
 Friction remembers the last slip: with w = u_T − u_Tⁿ⁻¹ the inclusion of a step has σⁿ φ̂(w), with
-the pressure of the step itself (backward Euler of Coulomb's law in the rate of the slip). Bonds have
-the memory of their edges (memory.py). There is no energy of friction, so that no path is followed
-inside a step and no jump is seen: a step goes to the state that is found from the last one.
+the pressure of the step itself (backward Euler of Coulomb's law in the rate of the slip). Bonds
+have the memory of their edges (memory.py). There is no energy of friction, so that no path is
+followed inside a step and no jump is seen: a step goes to the state found from the last one.
 
 Dissipation: D = Σ c σⁿ ∫φ over w; what the pressure changes within a step is in the closure, which
 falls with the steps.
