@@ -185,9 +185,11 @@ ABOVE_THE_BAR = {
     "expressions": {"vague": 2.7},  # the left side of an operator
     "laws": {"vague": 1.4},  # limits from the left
     "offline": {"vague": 1.5},
-    "reports": {"vague": 1.4},
 }
 """Values of packages that do not meet it yet. They may only fall."""
+LOWER_BAR = {"tokens": 13.0, "large": 3.0}
+WITHIN_THE_LOWER_BAR = ("accuracy", "commands", "exact", "executors", "refine", "reports")
+"""Packages that were rewritten to read at the first reading, and the bar that they keep."""
 
 
 def readings(measures: Measures) -> dict[str, float]:
@@ -217,12 +219,14 @@ def test_the_ruler_counts_tokens_names_and_words() -> None:
 
 def test_code_reads_no_worse_than_the_bar() -> None:
     packages = by_package()
-    above = [
-        f"{package}: {name} {value:.2f}, at most {limit}"
-        for package, measures in packages.items()
-        for name, value in readings(measures).items()
-        if value > (limit := {**BAR, **ABOVE_THE_BAR.get(package, {})}[name])
-    ]
+    above = []
+    for package, measures in packages.items():
+        limits = BAR | ABOVE_THE_BAR.get(package, {})
+        if package in WITHIN_THE_LOWER_BAR:
+            limits |= LOWER_BAR
+        for name, value in readings(measures).items():
+            if value > limits[name]:
+                above.append(f"{package}: {name} {value:.2f}, at most {limits[name]}")
     long_lines = [line for measures in packages.values() for line in measures.long_lines]
     assert not above, "python -m tests.ruler prints all: " + "; ".join(above)
     assert not long_lines

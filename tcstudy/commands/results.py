@@ -26,28 +26,28 @@ from tcstudy.commands.shared import (
 )
 from tcstudy.errors import StudyError, UsageError
 
-_SUBJECT = "a study (its scene as it is understood) or a result file"
+_SUBJECT = "a study, to draw its scene, or a result file"
 _PICTURE = "a .png, .svg or .pdf file (default of a study: results/<study>.scene.png)"
 _AT = "which point (default: of a run that of the largest slip; may be repeated)"
 _LEVEL = "mesh level (default: the finest)"
 _X = "curves of a whole run over this swept parameter"
 _Y = (
-    "what the curves are of, e.g. slip_length; of a path mean-slip, max-slip or friction; "
-    "of costs an error, e.g. u_L2"
+    "variable that the curves show, e.g. slip_length; for a path mean-slip, max-slip or "
+    "friction; for costs an error, e.g. u_L2"
 )
 _BY = "a curve for each value of this swept parameter"
-_OF = "what the map is of, e.g. u_T_max; of a point: sigma_x, von_mises …"
+_OF = "variable that the map shows, e.g. u_T_max; for a point sigma_x, von_mises …"
 _LAW = "the friction law of a point with all its nodes on it"
-_DEFORM = "how large displacements of a point are drawn"
+_DEFORM = "factor by which displacements of a point are drawn larger"
 _ALONG = "profile of a point along a line, e.g. '0 mm,5 mm: 200 mm,5 mm'"
 _SIZE = "size of the picture, e.g. 8x10cm"
 PICTURE_OPTIONS = (
     option("--level", type=int, metavar="N", help=_LEVEL),
     option("--x", metavar="NAME", help=_X),
-    option("--y", metavar="NUMBER", help=_Y),
+    option("--y", metavar="VARIABLE", help=_Y),
     option("--by", metavar="NAME", help=_BY),
     option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
-    option("--of", metavar="NUMBER", help=_OF),
+    option("--of", metavar="VARIABLE", help=_OF),
     option("--law", action="store_true", help=_LAW),
     option("--deform", type=float, metavar="FACTOR", help=_DEFORM),
     option("--along", metavar="X,Y:X,Y", help=_ALONG),
@@ -116,7 +116,7 @@ def _time_written(path: Path) -> int | None:
 
 _SHOW_AT = "of a run the points to list, of a convergence file the point whose tables to show"
 _SHOW_OF = (
-    "of a run with sampled points: the number whose Sobol indices to show "
+    "for a run with sampled points: the variable whose Sobol indices to show "
     "(of mode: saltelli slip_length)"
 )
 
@@ -126,7 +126,7 @@ _SHOW_OF = (
     RESULT_FILE,
     *PRINTING,
     at_option(_SHOW_AT),
-    option("--of", metavar="NUMBER", help=_SHOW_OF),
+    option("--of", metavar="VARIABLE", help=_SHOW_OF),
 )
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge or cost printed."""

@@ -313,10 +313,9 @@ def _path(data: Any, unit: Unit) -> Iterator[str]:
     segments, stable = data.sizes["piece"], np.count_nonzero(data["stable"].values)
     residual = number(float(data["residual"].max()), 2)
     yield f"  {segments} segments ({stable} stable), worst residual {residual}"
-    if len(vertices):
-        inside = np.count_nonzero((t[vertices] >= low) & (t[vertices] <= high))
-        least = f"turns by at least {sentences.percent(MIN_FOLD)} of the range"
-        yield f"  {counted(len(vertices), 'fold')} ({least}), {inside} in the range"
+    least = f"turns by at least {sentences.percent(MIN_FOLD)} of the range"
+    inside = np.count_nonzero((t[vertices] >= low) & (t[vertices] <= high))
+    yield f"  {counted(len(vertices), 'fold')} ({least}), {inside} in the range"
     law_error = float(data["law_error"])
     if law_error > 0.0:
         yield f"  the law is replaced by linear segments, relative error {number(law_error, 1)}"
@@ -338,8 +337,8 @@ def _softening(data: Any) -> str:
     """Return ω relative to the stiffness of the body."""
     lambda_1 = float(data["lambda_1"])
     if lambda_1 == 0.0:
-        return "lambda_1 = 0, only friction restrains rigid-body motion"
-    return f"omega/lambda_1 = {number(float(data['omega']) / lambda_1)}"
+        return "λ₁ = 0, only friction restrains rigid-body motion"
+    return f"ω/λ₁ = {number(float(data['omega']) / lambda_1)}"
 
 
 def _sizes(data: Any) -> str:
