@@ -408,7 +408,7 @@ def _timed(few: Study, many: Study) -> Trial:
         begin = time.process_time()
         _solve(many, level)
         point = (time.process_time() - begin) / len(many.scenes)
-    return Trial(level.frames.n_dof, level.line.m, body, point)
+    return Trial(level.frames.n_dof, level.m, body, point)
 
 
 def _solve(study: Study, level: Level) -> None:

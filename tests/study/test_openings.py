@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import tcstudy
+from tcstudy.data.records import BlockRecord, encode, record_of
 from tcstudy.read.study import read_study_text
+from tcstudy.study.run import as_start, run
 
 Array = NDArray[np.float64]
 
@@ -371,3 +373,24 @@ def test_sections_and_supports_of_a_slab_that_lifts_off_are_in_balance(tmp_path:
     assert float(data["probe_tip_u_T"]) == pytest.approx(float(data["u_T"][-1]), rel=1e-12)
     corner = np.argmax(data["node_x"].values - data["node_y"].values)
     assert float(data["u_y"][corner]) == pytest.approx(tip, rel=1e-12)
+
+
+def test_a_run_that_was_stopped_goes_on_from_openings_to_the_bit() -> None:
+    """Records come back from rows of a journal, and start the points that were left."""
+    text = COLUMN.replace("MAXH", "0.4").replace("D", "0")
+    sweep = "sweep={boundary.top.u_y: [0.3, 0.5, 0.7, 0.9]}"
+    study = read_study_text(text, "study", [sweep, "solver.branch=continued"])
+    blocks = [record for record in run(study) if isinstance(record, BlockRecord)]
+    assert len(blocks) == 4
+    stored = [record_of(encode(block)) for block in blocks[:2]]
+    for block, other in zip(blocks, stored, strict=False):
+        for name in ("u_T", "opening", "S_N", "rests_N", "v"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(block, name))
+        assert block.v is not None
+        np.testing.assert_array_equal(block.v[:, -block.opening.shape[1] :], block.opening)
+    finished = [as_start(study, block) for block in stored]
+    rest = [record for record in run(study, finished) if isinstance(record, BlockRecord)]
+    for block, other in zip(blocks[2:], rest, strict=True):
+        np.testing.assert_array_equal(other.points, block.points)
+        np.testing.assert_array_equal(other.opening, block.opening)
+        np.testing.assert_array_equal(other.numbers["start_used"], block.numbers["start_used"])
