@@ -45,12 +45,12 @@ SAME = 1e-7
 """Solutions that differ by less than this part of the largest slip are the same."""
 LAW_ERROR = 1e-3
 """Error of the polygon of a law with exponential pieces, relative to its scale."""
-FIRST_WORK = 8e7
+FIRST_WORK = 8e6
 """Boxes times m³ of a problem after which it is searched by its soft modes, if it has some.
 
 On coarse meshes more of the first search's cheap boxes are as fast.
 """
-MIN_FIRST_BOXES = 20
+MIN_FIRST_BOXES = 8
 """Boxes before that on any mesh."""
 MODE_SHARE = 0.5
 """Share of the limits that this search has; the first one goes on with the rest of the time."""
