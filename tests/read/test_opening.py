@@ -248,7 +248,7 @@ def test_an_opening_has_the_memory_damage_alone(
     with pytest.raises(StudyError, match="bottom opens by a law of one side, which has no memory"):
         study(history, friction)
     unilateral = "boundary.bottom={role: contact, normal: unilateral}"
-    assert study(history, friction, "adhesion=null", unilateral).scenes
+    assert study(history, "friction=null", "adhesion=null", unilateral).scenes
 
 
 WEDGE = """\

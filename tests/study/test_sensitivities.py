@@ -134,6 +134,7 @@ OF_PEELED = {f"adhesion.{name}": value for name, value in OF_LAW.items()} | {
 ON_ROCK = PEELED.replace(", closing: 40", "")
 RESTING = (
     ON_ROCK.replace("bottom: contact", "bottom: {role: contact, normal: unilateral}")
+    .replace("friction: {law: elastic-plastic, tau: 0.02, s0: 0.05}\n", "")
     .replace(
         "adhesion: {law: bilinear, sigma: 0.05, s0: 0.004, sf: 0.4}\n", "loads: {f: [0, -0.01]}\n"
     )
@@ -186,7 +187,7 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         (ON_ROCK, {name: OF_PEELED[name] for name in OF_PEELED if "closing" not in name}),
         (
             RESTING,
-            {"boundary.left.g_y": 0.006, "friction.s0": 0.05, "loads.f_y": -0.01, "nu": 0.25},
+            {"boundary.left.g_y": 0.006, "loads.f_y": -0.01, "nu": 0.25},
         ),
     ],
     ids=[
