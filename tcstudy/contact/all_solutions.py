@@ -160,12 +160,10 @@ def _of_rows(
     segments = problems.segments(cells.problem, cells.sides, load_of_cell, np.zeros(problems.m))
     is_undecided = ~segments.has_segment & ~segments.is_empty
     if rows.body.loose:  # where all nodes are free a cell is singular, and mostly not in balance
-        undecided = np.flatnonzero(is_undecided)
-        loads_there = load_of_cell[undecided]
-        is_unbalanced = problems.unbalanced(
-            cells.problem[undecided], cells.sides[undecided], loads_there
-        )
-        is_undecided[undecided[is_unbalanced]] = False
+        cell = np.flatnonzero(is_undecided)
+        loads_there = load_of_cell[cell]
+        is_unbalanced = problems.unbalanced(cells.problem[cell], cells.sides[cell], loads_there)
+        is_undecided[cell[is_unbalanced]] = False
     is_exponential = np.any(rows.law.bent, axis=-1)
     has_exponential = is_exponential[rows.law.index].any(-1)
     errors = np.broadcast_to(np.where(has_exponential, law_error, 0.0), len(loads))

@@ -776,8 +776,9 @@ class PolygonProblems:
         """
         is_empty = np.zeros(len(sides), dtype=bool)
         for row in range(len(sides)):
-            start = self.points_at(problem[row : row + 1], sides[row : row + 1].astype(float))
-            end = self.points_at(problem[row : row + 1], sides[row : row + 1] + 1.0)
+            place = sides[row : row + 1].astype(float)
+            start = self.points_at(problem[row : row + 1], place)
+            end = self.points_at(problem[row : row + 1], place + 1.0)
             M, _, scale = self.matrix(end - start)
             y = np.linalg.svd(M[0] / scale[0])[0][:, -1]
             r = load[row] - start[0, :, 0] @ self.A - self.c * start[0, :, 1]
