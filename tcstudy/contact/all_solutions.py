@@ -31,11 +31,12 @@ from numpy.typing import NDArray
 from tcstudy.contact.boxes import Cells, Limits, PolygonProblems, reach_of, reach_of_openings
 from tcstudy.contact.certificates import strict_minimum
 from tcstudy.contact.curves import Found, GraphPart, Parts, ties
+from tcstudy.contact.descent import descend
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.soft_modes import ModeAnswer, ModeSearch
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BEND
+from tcstudy.laws.pieces import BEND, DEBONDED, SOFTENING
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -52,6 +53,10 @@ On coarse meshes more of the first search's cheap boxes are as fast.
 """
 MIN_FIRST_BOXES = 8
 """Boxes before that on any mesh."""
+FADING = 0.3
+"""Logarithm by which the weight of a bend fades from one opening to the next, away from a front."""
+_FRONT_TOLERANCE = 1e-6
+"""Residual of the solution whose front it is."""
 MODE_SHARE = 0.5
 """Share of the limits that this search has; the first one goes on with the rest of the time."""
 _CELLS = (
@@ -155,6 +160,8 @@ def _of_rows(
     limits = limits or Limits()
     laws = polygon_laws(rows, law_error, lambda_1)
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
+    if np.all(laws.is_closed):
+        problems.urgency = _near_front(ContactProblem.on(rows.body, loads, laws))
     cells, by_modes = searched(problems, limits, _by_modes)
     load_of_cell = loads[cells.problem]
     segments = problems.segments(cells.problem, cells.sides, load_of_cell, np.zeros(problems.m))
@@ -284,6 +291,29 @@ def _settled(
         parts = Parts(problems.single(row))
         known, undecided = ties(parts, undecided_cells, known)
     return [one for one in known if not any(one.part.has(cell) for cell in sides)], undecided
+
+
+def _near_front(rows: ContactProblem) -> Array:
+    """Return (R, m) factors by which nodes next to the front of a solution are split first.
+
+    The front is where openings have begun to soften, or else where the largest one is. An opening
+    far from it hardly knows on which piece another one is.
+    """
+    m = rows.m
+    v = descend(rows, np.zeros(rows.l_tilde.shape), _FRONT_TOLERANCE).v
+    regions = rows.law.tables.regions.take(rows.law.locate(v).piece)
+    has_fallen = (regions == SOFTENING) | (regions == DEBONDED)
+    factors = np.empty(v.shape)
+    node = np.arange(m)
+    for row in range(len(v)):
+        front = np.flatnonzero(has_fallen[row])
+        if not len(front):
+            front = np.array([np.argmax(v[row])])
+        distance = np.abs(node[:, None] - front).min(axis=1)
+        rank = np.empty(m)
+        rank[np.argsort(distance, kind="stable")] = node
+        factors[row] = np.exp(-FADING * rank)
+    return factors
 
 
 def polygon_laws(rows: ContactProblem, law_error: float, lambda_1: float) -> Laws:

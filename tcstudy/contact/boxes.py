@@ -314,6 +314,8 @@ class PolygonProblems:
     load:   (P, m) l̃ [N/m]
     change: (m,) or (P, m) load per s, None for none
 
+    urgency: (P, m) factors of the weights by which a bend is split before others, None for none
+
     points: (G, m, V, 2) vertices (s, b) of the polygons of the G kinds of problem
     varies: whether loads change with s
     side_counts: (G, m) number of sides of each polygon
@@ -335,6 +337,7 @@ class PolygonProblems:
         self.load = load
         self.change = np.broadcast_to(0.0 if change is None else change, load.shape)
         self.varies = bool(np.any(self.change))
+        self.urgency: Array | None = None
         self.diagonal = np.diagonal(A).copy()
         self.size_of_A = np.abs(A)
         off_diagonal = A - np.diag(self.diagonal)
@@ -390,6 +393,7 @@ class PolygonProblems:
         others.load = load
         others.change = change
         others.varies = bool(np.any(change))
+        others.urgency = None
         return others
 
     def with_matrix(self, A: Array, size: Array) -> PolygonProblems:
@@ -734,7 +738,10 @@ class PolygonProblems:
             strip = self.strips(box)
             straight = strip.straight
             cells.append(self._cells(box.take(straight)))
-            halves = _halves(box.take(~straight), strip.take(~straight))
+            bent, bends = box.take(~straight), strip.take(~straight)
+            if self.urgency is not None:
+                bends = bends._replace(weight=bends.weight * self.urgency[bent.problem])
+            halves = _halves(bent, bends)
             waiting = joined([waiting, *halves])
             duration = time.perf_counter() - began
             np.add.at(seconds, problems_of_batch, duration / max(1, len(problems_of_batch)))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 import tcstudy
 from tcstudy.contact.certificates import solution_boxes
 from tcstudy.contact.loose_body import LooseBody
+from tcstudy.contact.path.problem import PathStatus
 from tcstudy.contact.path.query import folds, lowest
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Linearised
@@ -172,3 +173,57 @@ def test_derivatives_with_rays_are_those_of_differences() -> None:
 def test_what_closes_an_opening_must_be_a_stiffness() -> None:
     with pytest.raises(ProblemError, match="closing"):
         tcstudy.opening(SOFTENING, closing=-1.0)
+
+
+def lifted_strip(m: int) -> tuple[Array, Array, Array]:
+    """(Ã, load per N/m, c) of a beam on m supports, clamped at its left end, pulled up at its right.
+
+    Bending alone, in units of its support distance and EI.
+    """
+    second = np.zeros((m, m + 1))
+    for i in range(m):
+        for j, weight in zip((i - 1, i, i + 1), (1.0, -2.0, 1.0), strict=True):
+            if 0 <= j <= m:
+                second[i, j] += weight
+    second = np.vstack([np.eye(1, m + 1) * 2.0, second])
+    second = second[:, :m]
+    A = 20.0 * second.T @ second
+    return A, np.eye(m)[-1], np.full(m, 1.0)
+
+
+def test_a_peeled_strip_has_a_path_through_its_folds_and_all_its_equilibria() -> None:
+    A, pull, c = lifted_strip(8)
+    bond = tcstudy.opening(tcstudy.law("bilinear", tau=1.0, s0=0.02, sf=0.1))
+    unloaded = tcstudy.ContactProblem(A, 0.0 * pull, c, bond)
+    path = tcstudy.follow(unloaded, pull, np.zeros(8), t_min=-1e-9, t_max=1.5, direction="forward")
+    assert path.residual.max() < 1e-10
+    assert path.u.min() >= 0.0
+    problem = tcstudy.ContactProblem(A, 0.7 * pull, c, bond)
+    equilibria = tcstudy.all_solutions(problem)
+    assert equilibria.complete
+    crossings = np.count_nonzero(np.diff(np.sign(path.t - 0.7)))
+    assert len(equilibria) >= crossings >= 1
+    answer = tcstudy.solve(problem)
+    assert answer.energy == pytest.approx(equilibria.energy[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_bundle_method_finds_solutions_with_rays(seed: int) -> None:
+    case = random_case(seed)
+    problem = tcstudy.ContactProblem(case.A, case.load, case.c, case.laws)
+    answer = tcstudy.solve(problem, "bundle-newton")
+    assert answer.status == Status.CONVERGED
+    distances = [np.max(np.abs(answer.v - v)) for v in every_solution(*case)]
+    assert min(distances) < 1e-7
+
+
+def test_a_path_of_a_loose_body_ends_where_it_flies_off() -> None:
+    """A rigid beam on three supports: its right end lifts at 0.5, the load carries it off at 1."""
+    A = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
+    weight = np.array([-0.5, -1.0, -0.5])
+    problem = tcstudy.ContactProblem(A, weight, np.ones(3), tcstudy.opening())
+    pull = np.array([0.0, 0.0, 1.0])
+    path = tcstudy.follow(problem, pull, tcstudy.solve(problem), t_min=-3.0, t_max=3.0)
+    assert path.end == PathStatus.UNBOUNDED
+    np.testing.assert_allclose(path.t[[0, -2, -1]], [-3.0, 0.5, 1.0])
+    np.testing.assert_allclose(path.u[-1], [0.0, 0.0, 0.5], atol=1e-14)
