@@ -16,21 +16,38 @@ OUTSIDE = 1e-9
 def thickness(points: Array, normals: Array, boundary: Sequence[Array]) -> Array:
     """Return (n,) the distance from points of the boundary straight into the body and out of it.
 
-    It is ∞ where the ray −n meets no other piece, which happens beside curves drawn as polygons.
-    points, normals: (n, 2), normals outward and of length 1
+    It is ∞ where no ray along ±n enters the body, as beside curves drawn as polygons.
+    points, normals: (n, 2), unit normals of either sign
     boundary:        pieces (k, 2) as polygonal lines, holes included
     """
-    starts = np.concatenate([piece[:-1] for piece in boundary])
-    along = np.concatenate([np.diff(piece, axis=0) for piece in boundary])
-    extent = float(np.max(np.ptp(starts, axis=0)))
     distances = np.full(len(points), np.inf)
     for i, (point, normal) in enumerate(zip(points, normals, strict=True)):
-        # point − r n = start + s along, by Cramer's rule
-        offset = starts - point
-        determinant = -normal[0] * along[:, 1] + normal[1] * along[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            r = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / determinant
-            s = (offset[:, 1] * normal[0] - offset[:, 0] * normal[1]) / determinant
-        is_met = (s >= 0.0) & (s <= 1.0) & (r > OUTSIDE * extent)
-        distances[i] = np.min(r[is_met], initial=np.inf)
+        for direction in (normal, -normal):
+            met = _crossings(point, direction, boundary)
+            if len(met) % 2 == 1:  # a ray that begins outside leaves as often as it enters
+                distances[i] = np.min(met)
     return distances
+
+
+def reach(points: Array, normals: Array, pieces: Sequence[Array]) -> Array:
+    """Return (n,) the distance along ±n to the nearest of some pieces, ∞ where none is met."""
+    distances = np.full(len(points), np.inf)
+    for i, (point, normal) in enumerate(zip(points, normals, strict=True)):
+        met = [_crossings(point, direction, pieces) for direction in (normal, -normal)]
+        distances[i] = np.min(np.concatenate(met), initial=np.inf)
+    return distances
+
+
+def _crossings(point: Array, direction: Array, pieces: Sequence[Array]) -> Array:
+    """Return the distances at which a ray meets polygonal lines, without its own start."""
+    starts = np.concatenate([piece[:-1] for piece in pieces])
+    along = np.concatenate([np.diff(piece, axis=0) for piece in pieces])
+    extent = float(np.max(np.ptp(np.concatenate(pieces), axis=0)))
+    # point + r direction = start + s along, by Cramer's rule
+    offset = starts - point
+    determinant = direction[0] * along[:, 1] - direction[1] * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / determinant
+        s = (offset[:, 0] * direction[1] - offset[:, 1] * direction[0]) / determinant
+    is_met = (s >= 0.0) & (s < 1.0) & (r > OUTSIDE * extent)
+    return np.asarray(r[is_met])

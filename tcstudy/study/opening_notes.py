@@ -17,7 +17,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.records import Clamped, Contact, Material, Scene
 from tcstudy.shapes.rigid_motions import BoundaryPiece
-from tcstudy.shapes.thickness import thickness
+from tcstudy.shapes.thickness import reach, thickness
 
 Array = NDArray[np.float64]
 
@@ -88,8 +88,8 @@ def arm_of(scene: Scene, pieces: Sequence[BoundaryPiece]) -> Arm | None:
         distances = thickness(points, normals, boundary)
         n_x, n_y = normals[len(normals) // 2]
         length = float(np.ptp(corners @ np.array([-n_y, n_x])))
-        to_clamped = thickness(points, normals, clamped) if clamped else np.inf
-        is_backed = bool(np.mean(to_clamped <= distances) > 0.5)
+        to_clamped = reach(points, normals, clamped) if clamped else np.full(len(points), np.inf)
+        is_backed = bool(np.mean(to_clamped < 1.001 * distances) > 0.5)
         arms.append(Arm(float(np.median(distances)), length, is_backed))
     return min(arms, key=lambda arm: arm.thickness, default=None)
 
