@@ -878,7 +878,7 @@ STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
 def requested_variables(study: Study) -> tuple[FileVariable, ...]:
     """Return the variables by point that this study asks for."""
     quantities = study.output.quantities
-    variables = [*_probe_variables(study), *_edge_variables(study)]
+    variables = [*_probe_variables(study), *edge_variables(study)]
     if "von_mises" in quantities:
         comment = "of a triangle; it grows with h at corners"
         variables.append(result("von_mises_max", "Pa", "largest von Mises stress", comment))
@@ -937,7 +937,8 @@ def _probe_variables(study: Study) -> Iterator[FileVariable]:
             yield result(f"{prefix}_u_T", "m", long_name, f"{position} of the contact line")
 
 
-def _edge_variables(study: Study) -> Iterator[FileVariable]:
+def edge_variables(study: Study) -> Iterator[FileVariable]:
+    """Yield the variables of reactions, forces and mean temperatures of edges on request."""
     quantities = study.output.quantities
     if not quantities:
         return

@@ -41,6 +41,7 @@ from tcstudy.data.schema import (
     JUDGED,
     LEVEL_COORDINATE,
     NUMBERED,
+    OPENING,
     POINT_LEVEL,
     RATE,
     REGIONS,
@@ -55,9 +56,11 @@ from tcstudy.data.schema import (
     FileVariable,
     T,
     count,
+    edge_variables,
     flags,
     free_name,
     missing,
+    opening_variables,
     region_variables,
     result,
     step_variables,
@@ -71,6 +74,7 @@ _AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump"
 _BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
 _STATES = tuple(s.name.lower() for s in ContactState)
 _STABLE = ("unstable", "stable")
+_STATES_N = ("closed", "elastic", "softening", "drop", "weakened")
 
 
 # variables of a path are coordinates, because nothing is missing in its file
@@ -95,17 +99,23 @@ def _flag(name: str, long_name: str, dims: Dims, meanings: Sequence[str] = ()) -
 def _states(prefix: str, dim: str, meaning: str) -> tuple[FileVariable, ...]:
     """Return the variables of solutions: parameter, energy, displacements and tractions.
 
+    Openings and normal tractions are of studies with edges that may lift off.
+
     meaning: of the parameter
     """
     parameter = f"{prefix}parameter"
     energy = "total potential energy, per unit thickness"
     dims = (dim, "node")
     coordinates = f"{parameter} arclength x y"
+    at_opening = (dim, "opening_node")
+    along_openings = f"{parameter} opening_arclength opening_x opening_y"
     return (
         _number(parameter, T, meaning, (dim,)),
         _number(f"{prefix}energy", "J m-1", energy, (dim,), parameter),
         _number(f"{prefix}u_T", "m", "tangential displacement", dims, coordinates),
         _number(f"{prefix}xi", "Pa", "tangential traction -S_T", dims, coordinates),
+        _number(f"{prefix}opening", "m", "opening -u_N", at_opening, along_openings),
+        _number(f"{prefix}S_N", "Pa", "normal traction S_N", at_opening, along_openings),
     )
 
 
@@ -129,6 +139,10 @@ CURVE: tuple[FileVariable, ...] = (
     replace(
         _flag("state", "state of the contact node on the segment", ("piece", "node"), _STATES),
         extra={"coordinates": "arclength x y", **flags(*_STATES)},
+    ),
+    replace(
+        _flag("state_N", "state of the bond across the line", ("piece", "opening_node"), _STATES_N),
+        extra={"coordinates": "opening_arclength opening_x opening_y", **flags(*_STATES_N)},
     ),
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
     _index(
@@ -255,8 +269,26 @@ LEVEL: tuple[FileVariable, ...] = (
     ),
 )
 """Variables of a path without a dimension."""
-PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
-"""All variables that a file of a path may hold."""
+OPENING_LINE = tuple(replace(v, coordinate=True) for v in OPENING if v.dims == ("opening_node",))
+"""The nodes that may lift off, as in the files of runs."""
+PATH = (*LINE, *OPENING_LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
+"""All variables that a file of a path may hold beside those on request."""
+
+
+def path_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Return the variables that the file of this study's path may hold.
+
+    Results along openings, and requested forces, are by vertex and by solution.
+    """
+    variables = list(PATH)
+    for variable in (*opening_variables(study), *edge_variables(study)):
+        for prefix, dims in (("", _VERTEX), ("solution_", _SOLUTION)):
+            name = f"{prefix}{variable.name}"
+            extra = {"coordinates": f"{prefix}parameter"}
+            variables.append(replace(variable, name=name, dims=dims, extra=extra))
+    return tuple(variables)
+
+
 _AT_STEP, _STEP_NODE = (SWEEP, "step"), (SWEEP, "step", "node")
 _OF_ROOT = {v.name: replace(v, dims=_AT_STEP) for v in ROOT}
 

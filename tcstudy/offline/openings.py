@@ -22,6 +22,8 @@ from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Held = tuple[Array, Array]
+"""Slips and openings (P, h) at the held ends of segments, as a level has them [m]."""
 
 ROUNDING = 1e-9
 """Work below which none is done, over that of the largest traction and displacement."""
@@ -34,6 +36,14 @@ def opening_numbers(
 
     laws: of rows (P, m);  v, xi: (P, m) slips and openings [m], and tractions [Pa]
     """
+    held = of_boundaries(scenes, level.held_slips), of_boundaries(scenes, level.held_openings)
+    return numbers_of_openings(level, held, laws, v, xi)
+
+
+def numbers_of_openings(
+    level: Level, held: Held, laws: Laws, v: Array, xi: Array
+) -> dict[str, Array]:
+    """Return results (P,) along openings, as `opening_numbers`, from what is held at their ends."""
     opening = level.opening
     assert opening is not None
     _, s_N = level.split(v)
@@ -45,7 +55,7 @@ def opening_numbers(
         "opened_length": (s_N > 0.0) @ opening.c,
         "adhesion_resultant": S_N @ opening.c,
         "mode_mixity": mode_mixity(level, laws, v, xi),
-        "debonded_length": debonded_length(level, scenes, laws, v),
+        "debonded_length": debonded_length(level, held, laws, v),
     }
 
 
@@ -119,7 +129,7 @@ class _Halves(NamedTuple):
         return np.asarray(region == DEBONDED)
 
 
-def debonded_length(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array) -> Array:
+def debonded_length(level: Level, held: Held, laws: Laws, v: Array) -> Array:
     """Return the lengths (P,) of Γ_C that are debonded in either direction [m].
 
     A length is NaN where no law of a point has such a region.
@@ -127,8 +137,9 @@ def debonded_length(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array)
     laws: of rows (P, m);  v: (P, m) slips and openings [m]
     """
     index = np.broadcast_to(laws.index, v.shape)
-    slips = _slip_halves(level, scenes, v, index)
-    openings = _opening_halves(level, scenes, v, index)
+    held_slips, held_openings = held
+    slips = _slip_halves(level, held_slips, v, index)
+    openings = _opening_halves(level, held_openings, v, index)
     shares = [half.shares_of(laws.kinks) for half in (slips, openings)]
     cuts = np.sort(np.dstack(shares))
     edge = np.zeros((*cuts.shape[:2], 1))
@@ -144,9 +155,10 @@ def debonded_length(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array)
     return np.where(has_region, total, np.nan)
 
 
-def _slip_halves(level: Level, scenes: Sequence[Scene], v: Array, index: Indices) -> _Halves:
+def _slip_halves(level: Level, held: Array, v: Array, index: Indices) -> _Halves:
     """Return the slips and their laws on the halves of all segments.
 
+    held:     (P, h) slips of held ends, NaN for that of the node beside it [m]
     v, index: (P, m) displacements [m] and laws of the unknowns
     """
     line = level.line
@@ -155,12 +167,11 @@ def _slip_halves(level: Level, scenes: Sequence[Scene], v: Array, index: Indices
     laws, _ = level.split(index)
     number = np.where(is_held, line.own_law, line.unknowns)
     ends = slips[:, number]
-    held = of_boundaries(scenes, level.held_slips)
     ends[:, is_held] = np.where(np.isnan(held), ends[:, is_held], held)
     return _Halves.of(ends, laws[:, line.own_law])
 
 
-def _opening_halves(level: Level, scenes: Sequence[Scene], v: Array, index: Indices) -> _Halves:
+def _opening_halves(level: Level, held: Array, v: Array, index: Indices) -> _Halves:
     """Return the openings and their laws on the halves of all segments, as `_slip_halves`.
 
     Where an edge does not lift off its opening is 0, at which no law is debonded.
@@ -172,7 +183,7 @@ def _opening_halves(level: Level, scenes: Sequence[Scene], v: Array, index: Indi
     is_held = opening.unknowns < 0
     number = np.where(is_held, opening.own_law, opening.unknowns)
     openings_at_ends = openings[:, number]
-    openings_at_ends[:, is_held] = of_boundaries(scenes, level.held_openings)
+    openings_at_ends[:, is_held] = held
     ends = np.zeros((len(v), len(level.line.segments), 2))
     ends[:, opening.which] = openings_at_ends
     law = np.empty(ends.shape, dtype=np.intp)

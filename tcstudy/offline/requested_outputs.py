@@ -162,20 +162,26 @@ STRAIGHT = 1e-9
 """Sine of the angle up to which two segments of the contact line have one direction."""
 
 
-def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
-    """Return the nodal forces (2, n) of clamped and contact edges, Au + Su − l_θ there [N/m].
+def supported_nodes(level: Level, scene: Scene) -> dict[str, NDArray[np.bool_]]:
+    """Return which nodes (n,) clamped and contact edges hold or touch, by name.
 
     A node where two of them meet counts to the first, clamped before contact.
     """
-    reactions = level.reactions(scene, u).reshape(2, -1)
     counted = np.zeros(level.mesh.n_points, dtype=bool)
-    forces = dict[str, Array]()
+    nodes = dict[str, NDArray[np.bool_]]()
     for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
         if isinstance(role, Clamped | Contact):
             on_edge = np.isin(np.arange(len(counted)), level.mesh.nodes_on(name))
-            forces[name] = np.where(on_edge & ~counted, reactions, 0.0)
+            nodes[name] = on_edge & ~counted
             counted |= on_edge
-    return forces
+    return nodes
+
+
+def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
+    """Return the nodal forces (2, n) of clamped and contact edges, Au + Su − l_θ there [N/m]."""
+    reactions = level.reactions(scene, u).reshape(2, -1)
+    nodes_of_edge = supported_nodes(level, scene)
+    return {name: np.where(nodes, reactions, 0.0) for name, nodes in nodes_of_edge.items()}
 
 
 def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:

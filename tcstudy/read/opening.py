@@ -156,7 +156,6 @@ def _of_memory(memory: Memory, scene: Scene) -> Iterator[Fault]:
 
 
 UNKNOWN: Mapping[str, str] = {
-    "path": "no path is followed",
     "history": "no history is followed",
 }
 """Sections that a study with edges that open cannot have yet, with the reason."""

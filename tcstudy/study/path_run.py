@@ -34,13 +34,14 @@ from tcstudy.contact.path.query import (
     solutions_of,
 )
 from tcstudy.contact.path.walk import NoSolutionError
+from tcstudy.contact.path.without_law import LawfulRows
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Acceptance
 from tcstudy.contact.solve import TIE, solve_contact
 from tcstudy.data.files import SHORTFALLS, Remark, tell
 from tcstudy.data.records import Journal, LevelRecord, Record
 from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES
-from tcstudy.data.tables import PATH
+from tcstudy.data.tables import path_variables
 from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
@@ -77,10 +78,12 @@ class AffineLoad(NamedTuple):
 
     problem:  Ã, l̃₀, l̃₁, c and the law
     constant: total potential energy less L̃(u₁), eq. (20), a parabola of t [J/m]
+    level:    tells slips from openings
     """
 
     problem: ParametricProblem
     constant: Polynomial
+    level: Level
 
     def states(
         self, prefix: str, t: Array, u: Array, traction: Array, law: Laws | None = None
@@ -88,12 +91,17 @@ class AffineLoad(NamedTuple):
         """Return what the file has of solutions at t (n,), (n, m) each, by prefixed names."""
         problem = self.problem if law is None else self.problem.with_law(law)
         energy = problem.energy(t, u, traction) + self.constant(t)
-        return {
+        u_T, opening = self.level.split(u)
+        xi, S_N = self.level.split(traction)
+        values: Values = {
             f"{prefix}parameter": t,
-            f"{prefix}u_T": u,
-            f"{prefix}xi": traction,
+            f"{prefix}u_T": u_T,
+            f"{prefix}xi": xi,
             f"{prefix}energy": energy,
         }
+        if self.level.opening is not None:
+            values |= {f"{prefix}opening": opening, f"{prefix}S_N": S_N}
+        return values
 
 
 def affine_load(
@@ -138,8 +146,9 @@ def affine_load(
         span,
         first.A_error,
         loose=first.body.loose,
+        blocks=level.blocks,
     )
-    return AffineLoad(problem, _parabola([scene.constant for scene in condensed], span))
+    return AffineLoad(problem, _parabola([scene.constant for scene in condensed], span), level)
 
 
 def _parabola(constants: Sequence[float], span: tuple[float, float]) -> Polynomial:
@@ -189,8 +198,14 @@ def follow_branch(
         raise PathError(
             f"there is no solution to start from at {name} = {begin:g}: {answer.reason}"
         )
+    lawful = LawfulRows.of(problem)
     try:
-        path = follower.follow(problem, answer.v, begin, direction, progress)
+        if lawful is None:
+            path = follower.follow(problem, answer.v, begin, direction, progress)
+        else:
+            start = answer.v[lawful.rows]
+            path = follower.follow(lawful.problem, start, begin, direction, progress)
+            path = lawful.full_path(path)
     except NoSolutionError as error:
         raise PathError(str(error)) from error
     return path, answer.v
@@ -210,14 +225,12 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         )
     tolerance = study.solver.tolerance
     level, line = _level_of(study, plan)
+
+    def scene_of(t: float) -> Scene:
+        return path_scene(plan.scene, plan.parameter, t)
+
     try:
-        load = affine_load(
-            level,
-            lambda t: path_scene(plan.scene, plan.parameter, t),
-            plan.begin,
-            plan.end,
-            plan.name,
-        )
+        load = affine_load(level, scene_of, plan.begin, plan.end, plan.name)
         problem = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
         lambda_1 = level.lambda_1(plan.scene)
     except NotPositiveDefinite as error:
@@ -250,6 +263,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         "lowest_certified": proved_minima(path, lowest_states, lambda_1, Acceptance(tolerance)),
         **_solution_values(plan, load, path, branches, lambda_1, tolerance),
     }
+    values |= _requested_values(study, load, scene_of, path, values)
     attributes: Values = {
         "parameter": plan.name,
         "parameter_range": np.array([plan.begin, plan.end]),
@@ -267,7 +281,43 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     if branches is not None:
         values |= _branch_values(plan, load, path, branches)
         attributes["complete_reason"] = branches.reason
-    return Record("path", PATH, values, attributes)
+    return Record("path", path_variables(study), values, attributes)
+
+
+def _requested_values(
+    study: Study,
+    load: AffineLoad,
+    scene_of: Callable[[float], Scene],
+    path: Path,
+    values: Values,
+) -> Values:
+    """Return what the file has of vertices and solutions along openings and on request.
+
+    values: those that the file has already
+    """
+    quantities = study.output.quantities
+    if not (study.opens or {"forces", "reactions"} & {*quantities}):
+        return {}
+    # imported only for a study that requests more
+    from tcstudy.offline.along_path import AffineScene
+
+    level = load.level
+    begin, end = load.problem.span
+    scene = AffineScene(level, scene_of, begin, end, quantities)
+    names = {variable.name for variable in path_variables(study)}
+    numbers: Values = {}
+    for prefix, law in (("", path.problem.law), ("solution_", load.problem.law)):
+        t = values[f"{prefix}parameter"]
+        if not len(t):
+            continue
+        v = values[f"{prefix}u_T"]
+        traction = values[f"{prefix}xi"]
+        if level.opening is not None:
+            v = np.hstack([v, values[f"{prefix}opening"]])
+            traction = np.hstack([traction, values[f"{prefix}S_N"]])
+        of_states = scene.numbers(t, v, traction, law)
+        numbers |= {f"{prefix}{name}": row for name, row in of_states.items()}
+    return {name: row for name, row in numbers.items() if name in names}
 
 
 def _end_reason(status: PathStatus, slide: str) -> str:
@@ -296,15 +346,18 @@ def _direction(plan: PathPlan) -> Direction:
 def _curve_values(load: AffineLoad, path: Path) -> Values:
     """Return what the file has of the path by vertex and by segment."""
     middle = 0.5 * (path.u[1:] + path.u[:-1])
-    state = node_states(path.problem.law, middle, sticks=False)
+    state, state_N = load.level.split(node_states(path.problem.law, middle, sticks=False))
+    slipping = state != ContactState.STICK
     begin, end = load.problem.span
+    of_openings = {} if load.level.opening is None else {"state_N": state_N}
     return {
         **load.states("", path.t, path.u, path.traction, path.problem.law),
         "energy_rate": load.constant.deriv()(path.t) - path.conjugate,
         "residual": path.residual,
         "stable": path.stable,
         "state": state,
-        "slip_length": np.asarray((state != ContactState.STICK) @ path.problem.c),
+        **of_openings,
+        "slip_length": np.asarray(slipping @ load.level.line.c),
         "fold_vertex": folds(path, MIN_FOLD * abs(end - begin)),
     }
 

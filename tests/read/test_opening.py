@@ -198,7 +198,6 @@ FAULTS = (
     ("mesh.estimate=true", "mesh.estimate: errors are estimated for bilateral contact", "levels"),
     ("mesh.family=adaptive", "mesh.family: errors are estimated for bilateral contact", "uniform or graded"),
     ("exact={u: [0, 0]}", "exact: an exact solution is of bilateral contact", "remove exact"),
-    (PATH, "path: no path is followed where an edge may open", "remove path"),
     (HISTORY, "history: no history is followed where an edge may open", "remove history"),
     ("output.live=true", "output.live: a live page", "remove live: true"),
 )  # fmt: skip

@@ -42,6 +42,7 @@ class ParametricProblem:
     span:    two values of t whose loads are the scale of residuals where the law has none
     A_error: as in `ContactProblem`
     loose:   Ã is only semidefinite: the body has a rigid motion, which friction alone resists
+    blocks:  as in `CondensedBody`
 
     t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a
     load step.
@@ -55,6 +56,7 @@ class ParametricProblem:
     span: tuple[float, float] = (0.0, 1.0)
     A_error: float = 0.0
     loose: bool = False
+    blocks: tuple[int, ...] = ()
 
     @property
     def m(self) -> int:
@@ -83,13 +85,20 @@ class ParametricProblem:
         """Return the problem of one t."""
         if self.loose:
             return ContactProblem.on(self._condensed(0.0), self.load(t), self.law)
-        return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
+        return ContactProblem(
+            self.A_tilde, self.load(t), self.c, self.law, self.A_error, self.blocks
+        )
 
     def _condensed(self, lambda_1: float) -> CondensedBody:
         """Return the record of the body, with λ₁ known [Pa/m]."""
         loose = True if self.loose else None
         return CondensedBody.known(
-            self.A_tilde, self.c, self.A_error, lambda_1=lambda_1, loose=loose
+            self.A_tilde,
+            self.c,
+            self.A_error,
+            self.blocks,
+            lambda_1=lambda_1,
+            loose=loose,
         )
 
     def rows(self, t: Array, lambda_1: float) -> ContactProblem:
