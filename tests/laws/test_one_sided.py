@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from tcstudy.laws.composed import law_slopes, nodal, piecewise_linear, total
+from tcstudy.laws.composed import (
+    EdgeLaws,
+    Joints,
+    law_along,
+    law_slopes,
+    nodal,
+    piecewise_linear,
+    total,
+)
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import UP, GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError, one_sided, unilateral
@@ -112,3 +120,14 @@ def test_derivatives_of_one_sided_laws_are_those_of_differences() -> None:
     assert np.all(np.isfinite(law_slopes(BOND, "strength").value(s[:2], BOND.piece(s[:2]))))
     with pytest.raises(KeyError):
         law_slopes(BOND, "closing")
+
+
+def test_what_closes_a_joint_has_its_share_of_the_cell() -> None:
+    """Of two layers with 3 and 6 kPa/m, a quarter of the cell on the first, which is unbonded."""
+    stiff = one_sided(BILINEAR, 6e3)
+    edges = EdgeLaws((("left", LAYER, 0.0), ("right", stiff, 1.0)))
+    joints = Joints(np.array([1]), np.array([0]), np.array([0.25]))
+    edge, xy = np.array([0, 1, 1]), np.zeros((3, 2))
+    laws = law_along(edges, ("left", "right"), edge, xy, joints)
+    np.testing.assert_allclose(laws.b(np.full(3, -0.01)), [-30.0, -52.5, -60.0])
+    np.testing.assert_allclose(laws.b(np.full(3, 0.002)), [0.0, 7.5, 10.0])

@@ -492,7 +492,7 @@ def lowest(history: HistoryProblem, last_step: HistoryStep, load: Array) -> Hist
     has_one_energy = history.convex or history.monotone
     branch: Branch = "continued" if has_one_energy else "lowest"
     answer = solve_contact(problem, tolerance=tolerance, branch=branch, neighbour=w)
-    if answer.status == Status.NOT_POSITIVE_DEFINITE:
+    if answer.status in (Status.NOT_POSITIVE_DEFINITE, Status.UNBOUNDED):
         start = convex_step(problem, w)
         if start is not None:
             iterations = answer.iterations
