@@ -103,8 +103,9 @@ def cost_sections(stored: Stored, box: Container) -> list[Json]:
     for measure in measures:
         panels = cost_panels(data, measure.name).values()
         panel_parts = [panel_part(panel, box, height=330) for panel in panels]
-        texts = text_parts(accuracy.cost_of(data, measure.name))
-        options[measure.symbol] = [beside_part(*panel_parts), *texts]
+        answer = accuracy.advice(accuracy.settings(data, measure.name))
+        texts = text_parts(accuracy.measured_parts(data, measure.name))
+        options[measure.symbol] = [beside_part(*panel_parts), text_part(answer), *texts]
     part = text_part(["Nothing was measured."])
     if options:
         part = choice_part("error of", "error", options)

@@ -649,14 +649,15 @@ def cost_verdict(data: Any) -> Verdict:
 
 def cost_parts(data: Any, *_: Any) -> Iterator[Part]:
     """Yield all parts of the report. Raises DrawError where there is no error."""
-    yield from cost_of(data, measure_of(data, None))
-
-
-def cost_of(data: Any, measure: str) -> Iterator[Part]:
-    """Yield all parts of the report on one of the errors."""
-    measured = settings(data, measure)
+    measure = measure_of(data, None)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     yield labelled(cost_lines(data, measure))
+    yield from measured_parts(data, measure)
+
+
+def measured_parts(data: Any, measure: str) -> Iterator[Part]:
+    """Yield the table of all settings by one of the errors, with its explanations."""
+    measured = settings(data, measure)
     yield (
         f"Errors of {SYMBOLS[measure]}. Wall time from the body to the displacements, each run "
         "from scratch: shortest of all runs, upper quartile. Equal meshes are one setting with the "

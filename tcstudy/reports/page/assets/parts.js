@@ -306,7 +306,7 @@ TC.svgLook = function (item) {
     width: item.linewidth && 1.5 * item.linewidth,
     dash:
       typeof dash === "string"
-        ? { "--": "7 4", ":": "1 3", none: "none" }[dash]
+        ? { "--": "7 4", ":": "1 3", "-.": "7 3 1 3", none: "none" }[dash]
         : dash[1].map((length) => 2 * length).join(" "),
     mark: item.marker,
     size: 0.7 * (item.markersize ?? 4),
