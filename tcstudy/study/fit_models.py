@@ -197,8 +197,10 @@ class FitModel:
                     raise FitError(
                         f"step {n} cannot be compared with the numbers tried: {step.reason}"
                     )
-                friction = c @ step.xi
-                results.append(np.array([friction, np.max(np.abs(step.v)), mean, *step.v]))
+                xi, S_N = self.level.split(step.xi)
+                u_T, s_N = self.level.split(step.v)
+                scalars = [c @ xi, np.max(np.abs(u_T)), mean, *self._of_openings(s_N, S_N)]
+                results.append(np.array([*scalars, *u_T]))
         except StudyError as error:
             raise FitError(error.problems[0].what) from error
         except (NotPositiveDefinite, UnfitLaw) as error:
@@ -234,11 +236,18 @@ class FitModel:
         mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
         xi, force = self.level.split(problem.xi(v))
         u_T, s_N = self.level.split(v)
-        scalars = [xi.sum(), np.max(np.abs(u_T)), mean]
+        S_N = force
         if self.level.opening is not None:
             S_N = force / self.level.opening.c
-            scalars += [s_N.max(), max(0.0, S_N.max()), force.sum()]
+        scalars = [xi.sum(), np.max(np.abs(u_T)), mean, *self._of_openings(s_N, S_N)]
         return np.array([*scalars, *u_T])
+
+    def _of_openings(self, s_N: Array, S_N: Array) -> list[float]:
+        """Return RESULTS_OF_OPENINGS of openings [m] and their tractions [Pa], if there are any."""
+        opening = self.level.opening
+        if opening is None:
+            return []
+        return [float(s_N.max()), max(0.0, float(S_N.max())), float(S_N @ opening.c)]
 
     def _rates(
         self, scene: Scene, problem: ContactProblem, v: Array, numbers: list[Sensitivity]
