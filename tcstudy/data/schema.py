@@ -332,9 +332,10 @@ def opening_variables(study: Study) -> tuple[FileVariable, ...]:
         return ()
     either = "beyond the last softening of b of the slip or of the opening"
     debonded = result("debonded_length", "m", "debonded length", either)
-    has_debonded = any(v.name == debonded.name for v in region_variables(study))
+    is_there = any(v.name == debonded.name for v in region_variables(study))
+    is_added = not is_there and "debonded" in law_regions(study.scenes, "adhesion")
     of_pressure = (CONTRACTION,) if study.knows_pressure else ()
-    return (*OPENINGS, *(() if has_debonded else (debonded,)), *of_pressure)
+    return (*OPENINGS, *((debonded,) if is_added else ()), *of_pressure)
 
 
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2

@@ -137,6 +137,10 @@ def debonded_length(level: Level, held: Held, laws: Laws, v: Array) -> Array:
     laws: of rows (P, m);  v: (P, m) slips and openings [m]
     """
     index = np.broadcast_to(laws.index, v.shape)
+    can_debond = np.any(laws.regions == DEBONDED, axis=1)
+    has_region = can_debond[index].any(axis=1)
+    if not has_region.any():
+        return np.full(len(v), np.nan)
     held_slips, held_openings = held
     slips = _slip_halves(level, held_slips, v, index)
     openings = _opening_halves(level, held_openings, v, index)
@@ -150,8 +154,6 @@ def debonded_length(level: Level, held: Held, laws: Laws, v: Array) -> Array:
     lengths = np.tile(0.5 * level.line.lengths, 2)
     parts = lengths[:, None] * (stop - start)
     total = np.sum(parts, axis=(1, 2), where=is_debonded)
-    can_debond = np.any(laws.regions == DEBONDED, axis=1)
-    has_region = can_debond[index].any(axis=1)
     return np.where(has_region, total, np.nan)
 
 

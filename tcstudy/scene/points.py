@@ -7,7 +7,7 @@ for a result.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,18 +126,22 @@ def combinations(
     return tuple(scenes[int(i)] for i in first), combination
 
 
-def law_regions(scenes: Sequence[Scene]) -> set[str]:
+def law_regions(
+    scenes: Sequence[Scene], section: Literal["friction", "adhesion"] = "friction"
+) -> set[str]:
     """Return the regions of the laws of all scenes (laws.pieces.REGIONS).
 
     "breathing" is among them if a law sticks.
     """
-    records: Sequence[Laws | EdgeLaws] = Scenes.of(scenes).records["friction"]
+    records: Sequence[Laws | EdgeLaws | None] = Scenes.of(scenes).records[section]
     single_laws = list[Laws]()
     for record in records:
         if isinstance(record, EdgeLaws):
             single_laws += [law for _, law, _ in record.laws]
-        else:
+        elif record is not None:
             single_laws.append(record)
+    if not single_laws:
+        return set()
     laws = Laws.of(single_laws)
     regions = {REGIONS[number] for number in np.unique(laws.regions)}
     if np.any(laws.kinds == UP):

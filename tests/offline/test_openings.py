@@ -66,6 +66,7 @@ def adhesive(sigma: float, s0: float, sf: float, closing: float) -> Graph:
     return Graph((0.0, s0, sf), (0.0, sigma, 0.0), closing, 0.0)
 
 
+NO_FRICTION = Graph((0.0,), (0.0,), 0.0, 0.0)
 UNILATERAL = Graph((0.0,), (0.0,), np.inf, 0.0)
 
 
@@ -278,13 +279,15 @@ class Sketch:
             law = f"law: bilinear, tau: {self.tau[k]}, s0: {self.s0[k]}, sf: {self.sf[k]}"
             if self.tresca[k]:
                 law = f"law: tresca, tau: {self.tau[k]}"
-            friction.append(f"{name}: {{{law}}}")
+            if kind != "unilateral":  # where friction knows the pressure
+                friction.append(f"{name}: {{{law}}}")
             if not kind:
                 closing = "" if self.kinds[k] == "adhesive" else f", closing: {self.closing[k]}"
                 law = f"sigma: {self.sigma[k]}, s0: {self.s0[k]}, sf: {self.sf[k]}{closing}"
                 adhesion.append(f"{name}: {{law: bilinear, {law}}}")
         right = f"{{role: traction, g: {p}}}" if self.right == "traction" else self.right
         left = "" if self.left == "contact" else f", left: {self.left}"
+        shear = f"friction: {{{', '.join(friction)}}}" if friction else ""
         section = f"adhesion: {{{', '.join(adhesion)}}}" if adhesion else ""
         return f"""
 units: none
@@ -293,7 +296,7 @@ boundary: {{{", ".join(films)}, right: {right}, top: {{role: traction, g: {g}}}{
 material: {{E: {self.E}, nu: {self.nu}, plane: stress, alpha_T: {self.alpha}}}
 heat: {{theta: {self.theta}}}
 loads: {{f: {f}}}
-friction: {{{", ".join(friction)}}}
+{shear}
 {section}
 mesh: {{maxh: 0.25, levels: 1}}
 """
@@ -302,6 +305,8 @@ mesh: {{maxh: 0.25, levels: 1}}
         """The laws of a film in both directions."""
         tau, sigma, s0, sf = self.tau[k], self.sigma[k], self.s0[k], self.sf[k]
         friction = tresca(tau) if self.tresca[k] else bilinear(tau, s0, sf)
+        if self.kinds[k] == "unilateral":
+            friction = NO_FRICTION
         adhesion = {
             "unilateral": UNILATERAL,
             "adhesive": adhesive(sigma, s0, sf, np.inf),
