@@ -20,6 +20,8 @@ from tcstudy.offline import existence
 from tcstudy.offline.error_bound import PARTS
 from tcstudy.offline.existence import Existence, count_of_body, distances_of
 from tcstudy.offline.level import Level
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.sweep import curves_figure, read_sweep
 from tcstudy.reports.terminal.summary import verdict_of
 from tests.verification.scenes import levels_of, study_of
 from tests.verification.test_error_bound import energy_norm, loaded_scene_of, varied_scene_of
@@ -239,6 +241,22 @@ def test_no_mean_slip_is_beyond_its_window() -> None:
     assert np.all(largest > 0.9 * kappa)
 
 
+def drawn_in_bold_rings(file: Path, v: Array, radii: Array) -> None:
+    """Check that a picture over the load has all equilibria, and rings where the body has one."""
+    pytest.importorskip("matplotlib")
+    sweep = read_sweep(file, ("f",), "u_T_max", None, 0)
+    with style.styled():
+        figure = curves_figure(sweep, style.Look())
+    lines = {str(line.get_label()): line for line in figure.axes[0].lines}
+    (words,) = (label for label in lines if "proved for the body itself" in label)
+    heights = {label: np.asarray(line.get_ydata()) for label, line in lines.items()}
+    largest = np.abs(v).max(axis=1)
+    drawn = np.concatenate([heights["stable equilibria"], heights["unstable equilibria"]])
+    np.testing.assert_allclose(np.sort(drawn), np.sort(largest))
+    np.testing.assert_allclose(np.sort(heights[words]), np.sort(largest[np.isfinite(radii)]))
+    assert f"{np.nanmax(radii):.2g}" in words
+
+
 def test_a_study_says_how_many_solutions_the_body_has(tmp_path: Path) -> None:
     """Two loads on one mesh: one has three, one does not slide."""
     path = tmp_path / "block.yaml"
@@ -258,6 +276,7 @@ def test_a_study_says_how_many_solutions_the_body_has(tmp_path: Path) -> None:
         scene, (level,) = proving.scenes[0], levels_of(proving)
         v = np.asarray(line["solution_u_T"])[0]
         assert radii[0] == pytest.approx(Existence(level).radius(scene, v), rel=1e-6)
+    drawn_in_bold_rings(tmp_path / "s.nc", np.asarray(line["solution_u_T"]), radii)
     words = "the body itself has at least three equilibria at 1 of 2"
     assert words in verdict_of(tmp_path / "s.nc").trust
     coarse = tcstudy.load(path, ["mesh={maxh: 0.125, guarantee: true}", "solver.branch=all"])

@@ -5,7 +5,7 @@ Points without a solution have no value: they are left out, and counted by their
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.reading import by_point, open_results
-from tcstudy.data.schema import NOT_ALL, PointStatus
-from tcstudy.data.store import BRANCH, SWEPT_LOADS
+from tcstudy.data.schema import EXISTENCE_RADIUS, NOT_ALL, PointStatus
+from tcstudy.data.store import BRANCH, GUARANTEE, SWEPT_LOADS
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import BESIDE, Array, Panel, Scale, Sheet, scale
@@ -31,8 +31,17 @@ from tcstudy.reports.select_point import (
     parameter,
     quantity,
 )
-from tcstudy.reports.sentences import least_energy_words, several
-from tcstudy.reports.text import axis_unit, counted, headed, labels, named, spelled, study_unit
+from tcstudy.reports.sentences import least_energy_words, proved_object, several
+from tcstudy.reports.text import (
+    axis_unit,
+    counted,
+    headed,
+    labels,
+    named,
+    spelled,
+    study_unit,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,9 +74,29 @@ RING: dict[str, Any] = {
     "linestyle": "none",
     "color": style.VERMILLION,
 }
+EQUILIBRIUM: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 4.5,
+    "linestyle": "none",
+    "color": style.BLUE,
+}
+PROVED_EQUILIBRIUM: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 9,
+    "markeredgewidth": 2.6,
+    "fillstyle": "none",
+    "linestyle": "none",
+    "color": style.BLUE,
+}
+"""Bold rings of equilibria near which the body itself is proved to have one."""
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
 BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
+OF_EQUILIBRIA: dict[str, Callable[[Any], Array]] = {
+    "u_T_max": lambda level: np.abs(level["solution_u_T"].values).max(axis=1),
+    "energy": lambda level: level["solution_energy"].values,
+}
+"""Quantities of all equilibria of a level."""
 BAND = ("lambda_1_low", "lambda_1_high")
 """Proved bounds of λ₁ of the body."""
 
@@ -97,6 +126,31 @@ class SweptParameter:
 
 
 @dataclass(frozen=True)
+class AllEquilibria:
+    """All equilibria of the points of a sweep.
+
+    point:  (S,) index of the point of each;  values: (S,) of the quantity, in the units of the file
+    stable: (S,) strict local minimum
+    radius: (S,) of the ball in which the body itself has one, NaN without a proof
+    body:   what the proofs are of;  units: of the radius
+    """
+
+    point: NDArray[np.intp]
+    values: Array
+    stable: Flags
+    radius: Array
+    body: str
+    units: str
+
+    @property
+    def proved_words(self) -> str:
+        """What is proved where rings are bold, for a key."""
+        radii = self.radius[np.isfinite(self.radius)]
+        largest = with_unit(float(radii.max()), self.units, 2)
+        return f"bold: proved for {self.body},\nradius ≤ {largest} (energy norm)"
+
+
+@dataclass(frozen=True)
 class SweepPicture:
     """P points of a sweep on one level, and the value of one quantity at each of them.
 
@@ -113,6 +167,7 @@ class SweepPicture:
     infinite: (P,) whether the value is infinite, as ω of a law with a down-jump
     infinity: "∞" or "−∞"
     loading:  note that the curve is no loading curve, where it is none
+    every:    all equilibria of the points, None where the file has not that quantity of each
     """
 
     title: str
@@ -130,6 +185,7 @@ class SweepPicture:
     infinite: Flags
     infinity: str
     loading: str
+    every: AllEquilibria | None
 
     @property
     def words(self) -> str:
@@ -188,6 +244,7 @@ def read_sweep(
         cleared = floors_of(data).cleared(name, by_point(values[name], values), level)
         label_of_point = labels_by_point(data)
         parameters = [_parameter(data, key, label_of_point[key][is_shown]) for key in names]
+        every = None if group is None else _equilibria(group, name, is_shown, data.attrs)
 
     def flat(key: str) -> NDArray[Any]:
         if key not in values:
@@ -229,6 +286,30 @@ def read_sweep(
         infinite=infinite,
         infinity="−∞" if np.any(shown[infinite] < 0.0) else "∞",
         loading=loading,
+        every=every,
+    )
+
+
+def _equilibria(
+    group: Any, name: str, is_shown: Flags, attrs: Mapping[str, Any]
+) -> AllEquilibria | None:
+    """Return all equilibria of the points shown, None where a level does not list the quantity."""
+    if "solution_point" not in group or name not in OF_EQUILIBRIA:
+        return None
+    point = group["solution_point"].values
+    own = np.flatnonzero(is_shown[point])
+    values = OF_EQUILIBRIA[name](group)[own]
+    radius, units = np.full(len(own), np.nan), ""
+    if EXISTENCE_RADIUS.name in group:
+        radius = group[EXISTENCE_RADIUS.name].values[own]
+        units = str(group[EXISTENCE_RADIUS.name].attrs["units"])
+    return AllEquilibria(
+        point=(np.cumsum(is_shown) - 1)[point[own]],
+        values=values,
+        stable=group["solution_stable"].values[own] == 1,
+        radius=radius,
+        body=proved_object(str(attrs.get(GUARANTEE, ""))),
+        units=units,
     )
 
 
@@ -292,39 +373,42 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     if positions is None:
         positions = np.arange(len(x.labels), dtype=float)
     has_several = False
-    for curve in _curves(x, by):
+    every = sweep.every if by is None else None
+    for curve in _curves(x, by, "lowest energy" if every else ""):
         places = positions[x.place[curve.points]]
         _draw_curve(panel, sweep, curve, places)
         is_several = sweep.several[curve.points] & np.isfinite(sweep.values[curve.points])
-        if is_several.any():
+        if is_several.any() and every is None:
             label = "" if has_several else SEVERAL_FOUND
             values = sweep.values[curve.points]
             panel.line(places[is_several], values[is_several], label=label, **RING)
             has_several = True
         _draw_missing(axes, sweep, curve, places)
+    if every is not None:
+        _draw_equilibria(panel, every, positions[x.place])
     _set_ticks(panel, x, positions)
     panel.draw(axes)
     if panel.log[0]:
         axes.minorticks_off()
-    if by or has_several:
+    if by or has_several or every is not None:
         place = "right upper" if sheet.columns >= BESIDE else "lower center"
         sheet.key(place=place, title=by.title if by else "")
     return sheet.finish()
 
 
-def _curves(x: SweptParameter, by: SweptParameter | None) -> list[SweepCurve]:
-    """Return the curve of every value of `by`, or one of all points."""
+def _curves(x: SweptParameter, by: SweptParameter | None, name: str = "") -> list[SweepCurve]:
+    """Return the curve of every value of `by`, or one of all points, with this name."""
     order = np.argsort(x.place, kind="stable")
     if by is None:
-        return [SweepCurve(order, "", style.SERIES[0], MARKERS[0])]
+        return [SweepCurve(order, name, style.SERIES[0], MARKERS[0])]
     colours = _colours(by)
     stride = -(-len(by.labels) // MAX_NAMED_CURVES)
     curves = []
     for index, label in enumerate(by.labels):
-        name = label if index % stride == 0 else ""
+        shown = label if index % stride == 0 else ""
         marker = MARKERS[index % len(MARKERS)]
         points = order[by.place[order] == index]
-        curves.append(SweepCurve(points, name, colours[index % len(colours)], marker))
+        curves.append(SweepCurve(points, shown, colours[index % len(colours)], marker))
     return curves
 
 
@@ -350,6 +434,25 @@ def _draw_curve(panel: Panel, sweep: SweepPicture, curve: SweepCurve, places: Ar
         "markersize": 4,
     }
     panel.line(places, sweep.values[curve.points], label=curve.name, **look)
+
+
+def _draw_equilibria(panel: Panel, every: AllEquilibria, places: Array) -> None:
+    """Draw all equilibria, those not stable open, in bold rings those proved for the body itself.
+
+    places: (P,) of the points on the x axis
+    """
+    proved = np.isfinite(every.radius)
+    x = places[every.point]
+    looks: tuple[tuple[Flags, str, dict[str, Any]], ...] = (
+        (every.stable, "stable equilibria", {}),
+        (~every.stable, "unstable equilibria", {"markerfacecolor": "white"}),
+    )
+    for is_drawn, label, look in looks:
+        if is_drawn.any():
+            panel.line(x[is_drawn], every.values[is_drawn], **EQUILIBRIUM | look, label=label)
+    if proved.any():
+        label = every.proved_words
+        panel.line(x[proved], every.values[proved], **PROVED_EQUILIBRIUM, label=label)
 
 
 def _draw_missing(axes: Axes, sweep: SweepPicture, curve: SweepCurve, places: Array) -> None:
