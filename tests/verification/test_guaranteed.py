@@ -17,7 +17,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
 from tcstudy.offline.guaranteed import Band, shape_constants
 from tcstudy.offline.level import Level
-from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.terminal.summary import text_of, verdict_of
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
@@ -244,6 +244,10 @@ def test_a_body_with_arcs_has_the_bounds_of_its_polygon(tmp_path: Path) -> None:
     assert np.isfinite(data["slip_bound"]).all()
     verdict = verdict_of(tmp_path / "s.nc")
     assert "the polygon that the mesh has" in " ".join(verdict.trust)
+    (note,) = (
+        line for line in text_of(tmp_path / "s.nc").splitlines() if "rel. error bound: " in line
+    )
+    assert note.endswith("of the polygon that the mesh has")
     assert "mean slips of segments proved" in " ".join(verdict.accuracy)
     bare = tcstudy.run(study_of(HEATED_BRACKET, "mesh.levels=1"), tmp_path / "t.nc").to_dataset()
     assert "lambda_1_low" not in bare

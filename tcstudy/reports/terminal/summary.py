@@ -151,12 +151,20 @@ def _levels(data: Any) -> Table:
         units = data[name].attrs.get("units", "1")
         largest = np.fmax.reduce(by_level(name))
         columns.append(quantity(title, largest, units, 2, rank, data[name].values))
-    notes: tuple[str, ...] = ()
-    if "error_bound_relative" in data:
-        is_polygon = data.attrs.get(GUARANTEE) == "polygon"
-        of = f", of the {POLYGON}" if is_polygon else ""
-        notes = (f"rel. error bound: the largest of all points that is proved{of}",)
-    return Table("", columns, notes)
+    return Table("", columns, _bound_notes(data, total))
+
+
+def _bound_notes(data: Any, total: int) -> tuple[str, ...]:
+    """Return what the column of proved bounds has, where that is more than its title says.
+
+    total: number of points
+    """
+    if "error_bound_relative" not in data:
+        return ()
+    is_polygon = data.attrs.get(GUARANTEE) == "polygon"
+    facts = ["the largest of all points that have one"] if total > 1 else []
+    facts += [f"of the {POLYGON}"] if is_polygon else []
+    return (f"rel. error bound: {', '.join(facts)}",) if facts else ()
 
 
 _COLUMNS = (
