@@ -209,6 +209,8 @@ class _Run:
         """Return the first accepted state, or the last one with the reason why it is none."""
         v = self.start
         strengths = np.zeros(len(self.friction.slip))
+        if v is None and self.problem.body.loose:  # without friction it may have no equilibrium
+            strengths = self._sticking()
         if v is not None:
             strengths = self.friction.strengths(self.problem, v, self.problem.xi(v))
         last_change = np.inf
@@ -226,6 +228,13 @@ class _Run:
             last_change = change
         reason = CYCLES.format(steps=MAX_STEPS, change=last_change)
         return replace(judged, status=Status.ITERATION_LIMIT, reason=reason)
+
+    def _sticking(self) -> Array:
+        """Return strengths (k,) under which all pressed nodes stick."""
+        friction = self.friction
+        largest = np.sum(np.abs(self.problem.l_tilde)) / np.min(self.problem.c)
+        coefficient = friction.largest_coefficient or 1.0
+        return np.where(friction.coulomb, largest / coefficient, 1.0)
 
     def _separable(self, strengths: Array, near: Array | None) -> tuple[_State, str]:
         """Return the solution with given strengths near a state, and why there is none."""

@@ -71,6 +71,8 @@ MEMORY = 512e6
 """Bytes of basis loads, and again of temperatures, that a level keeps for reuse."""
 NO_BAND = Band(np.nan, np.nan, np.nan)
 """Bounds of λ₁ of a body that contact alone holds."""
+NULL = 1e-9
+"""Part of the largest forces of Ã up to which those of a rigid motion are rounding."""
 NORMAL_ACCURACY = 1e-7
 """Accuracy of the normals of curves that the geometry kernel has."""
 ROUNDINGS = 4.0
@@ -222,10 +224,11 @@ _Basis = tuple[Array, Array]
 class ElasticBody:
     """The condensed body of one ratio of moduli, for μ = 1, which its scenes share."""
 
-    def __init__(self, level: Level, ratio: Ratio, is_held: bool) -> None:
+    def __init__(self, level: Level, ratio: Ratio, motions: Array) -> None:
         """Condense the body.
 
-        is_held: False for a body with rigid motions that contact alone resists, which has no λ₁
+        motions: (k, m) rigid motions that contact alone resists, so that there is no λ₁; springs on
+                 the chords of an arc may resist them as well
         Raises NotPositiveDefinite if the body is not held.
         """
         self._level = level
@@ -244,8 +247,11 @@ class ElasticBody:
         level.elimination = self.condensation.plan
         self.lambda_1 = 0.0
         self.lambda_1_error = 0.0
-        self.is_held = is_held
-        if is_held:
+        A_tilde = self.condensation.A_tilde
+        rest = np.abs(motions @ A_tilde).max(initial=0.0)
+        size = np.abs(motions).max(initial=0.0) * np.abs(A_tilde).max(initial=0.0)
+        self.is_held = not len(motions) or bool(rest > NULL * size)
+        if self.is_held:
             self.condensation.require_definite()
             # Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky:
             # Demmel, LAPACK Working Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i², u being
@@ -425,11 +431,15 @@ class Level:
         return self._frames.of(key, lambda: constrain(self.mesh, key))
 
     def is_held(self, scene: Scene) -> bool:
-        """Return whether the supports of a scene leave no rigid motion."""
-        return is_clamped(scene.boundary) or not self.motions(scene)
+        """Return whether supports and springs leave no rigid motion of the mesh."""
+        if is_clamped(scene.boundary) or not self.motions(scene):
+            return True
+        return self._body(scene).is_held
 
     def contact_motions(self, scene: Scene) -> Array:
         """Return (k, m) the rigid motions that the supports leave, at the contact DOFs."""
+        if is_clamped(scene.boundary):
+            return np.zeros((0, self.m))
         u = self.motions(scene).at(self.mesh.points)
         rows = [self.frames.rows(motion.T.ravel())[self.rows] for motion in u]
         return np.array(rows).reshape(-1, self.m)
@@ -458,7 +468,7 @@ class Level:
         ratio = ratio_of(scene)
         if ratio not in self._bodies:
             self._bodies.clear()
-            self._bodies[ratio] = ElasticBody(self, ratio, self.is_held(scene))
+            self._bodies[ratio] = ElasticBody(self, ratio, self.contact_motions(scene))
         return self._bodies[ratio]
 
     # -- the condensed problem ---------------------------------------------------------------------
@@ -597,11 +607,11 @@ class Level:
         """
         if self._band_of is not None:
             return self._band_of(scene)
-        if not self.is_held(scene):
-            return NO_BAND
         ratio = ratio_of(scene)
         mu = scene.material.mu
-        if ratio not in self._bands:
+        if ratio not in self._bands and not self.is_held(scene):
+            self._bands[ratio] = NO_BAND
+        elif ratio not in self._bands:
             dual, factor = self.dual(scene)
             A_tilde = mu / factor * self._body(scene).condensation.A_tilde
             band = lambda_1_band(dual, self.mesh, self.line, A_tilde)

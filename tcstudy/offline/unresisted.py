@@ -39,12 +39,14 @@ def judged(
     c: Array,
     motions: Array,
     name_of: Callable[[Array], str],
+    knows_pressure: bool = False,
 ) -> Answer:
     """Return the answers of a loose body, those that are no equilibria as failed with the reason.
 
     loads:   (P, m) l̃ [N/m];  laws: of the rows
     motions: (k, m) rigid motions r at the contact DOFs
     name_of: words for a sum of the motions with weights (k,)
+    knows_pressure: whether the laws have the strength of pressures that are no equilibrium
     """
     push = loads @ motions.T
     low, high = laws.interval(answers.v)
@@ -59,7 +61,7 @@ def judged(
     for row in np.flatnonzero(~is_solution).tolist():
         forces = c * least[row], c * largest[row]
         weights, excess = worst_motion(push[row], motions, *forces)
-        reasons[row] = _reason(name_of(weights), excess)
+        reasons[row] = _reason(name_of(weights), excess, knows_pressure)
     status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
     certificate = answers.certificate
     if certificate is not None:
@@ -136,7 +138,7 @@ def step_reason(words: str, reason: str) -> str:
     return f"{fault} ({reason.partition(': ')[0]}); {REMEDY}"
 
 
-def _reason(name: str, excess: float) -> str:
+def _reason(name: str, excess: float, knows_pressure: bool) -> str:
     """Return why there is no equilibrium.
 
     name: the motion in words;  excess: load along it over the largest force of contact
@@ -146,6 +148,8 @@ def _reason(name: str, excess: float) -> str:
         remedy = "press the body onto its foundation, or support it"
     if not np.isfinite(excess):
         return f"it can {name}, and nothing resists that; {remedy}"
+    if knows_pressure:
+        return f"it can {name}, and friction was found to resist no such load; {remedy}"
     if excess > 1.0:
         ratio = f"{excess:.3g} times what contact can resist"
         return f"it can {name}: the load along that is {ratio}; {remedy}"

@@ -700,6 +700,7 @@ def block_record(
             condensed.c,
             level.contact_motions(scenes[0]),
             partial(level.motion_name, scenes[0]),
+            scenes[0].knows_pressure,
         )
     # without friction a solution has nothing but rounding of ξ, which the inclusion residual tells
     is_frictionless = np.array([scene.friction.vanishes for scene in scenes])

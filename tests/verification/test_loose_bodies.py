@@ -229,6 +229,7 @@ def test_a_point_without_friction_fails_alone(tmp_path: Path) -> None:
     assert reasons(tree)[0].startswith("it can slide along x, and nothing resists that; ")
 
 
+SOLE_REMEDY = "pull by a displacement (a rigid edge with u_x or u_y), or lower the load"
 SLAB = """
 body: {rectangle: {width: 6 m, height: 0.2 m}}
 boundary: {bottom: contact, left: free, right: free, top: free}
@@ -268,8 +269,29 @@ def test_a_slab_that_only_lies_there_slides_separates_or_tips(
         assert finest(tree)["adhesion_resultant"].item() == pytest.approx(-28.8e3, rel=1e-8)
         return
     assert reason.startswith(f"it can {motion}")
-    if np.isfinite(ratio):
+    if np.isfinite(ratio) and text is RIGID:  # there friction knows the pressure
+        assert reason.endswith(f"and friction was found to resist no such load; {SOLE_REMEDY}")
+    elif np.isfinite(ratio):
         assert float(reason.split(" times")[0].split()[-1]) == pytest.approx(ratio, rel=1e-2)
     else:
         remedy = "press the body on" if "separate" in motion else REMEDY
         assert reason.startswith(f"it can {motion}, and nothing resists that; {remedy}")
+
+
+@pytest.mark.parametrize("f_x", [7.1, 7.3, -7.1, -7.3])
+@pytest.mark.filterwarnings("ignore:elements of 100 mm are large")
+def test_a_heavy_slab_slides_beyond_mu_times_its_weight(tmp_path: Path, f_x: float) -> None:
+    """μ = 0.3 of 24 kN/m³: 7.2 kN/m³, however the pressure is distributed."""
+    tree = results(
+        tmp_path,
+        "friction={law: coulomb, mu: 0.3}",
+        f"loads.f=[{f_x} kN/m^3, -24 kN/m^3]",
+        text=RIGID,
+    )
+    if abs(f_x) < 7.2:
+        assert finest(tree)["status"].item() == PointStatus.OK
+        resultant = finest(tree)["friction_resultant"].item()
+        assert resultant == pytest.approx(1.2e3 * f_x, rel=1e-8)
+    else:
+        assert finest(tree)["status"].item() == PointStatus.SINGULAR
+        assert reasons(tree)[0].startswith("it can slide along x, and friction was found to ")
