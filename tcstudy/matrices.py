@@ -130,7 +130,10 @@ class ContactProblem(PlainProblem):
     def body(self) -> CondensedBody:
         """The body's record; where Ã is singular to rounding, contact alone holds it."""
         loose = True if is_singular(self.A_tilde) else None
-        return CondensedBody.known(self.A_tilde, self.c, self.A_error, self.blocks, loose=loose)
+        body = CondensedBody.known(self.A_tilde, self.c, self.A_error, self.blocks, loose=loose)
+        if loose:
+            _ = body.motions  # answers are held against them
+        return body
 
     def __repr__(self) -> str:
         return f"ContactProblem({self.m} contact nodes, law {self.law.name})"

@@ -352,7 +352,8 @@ class PolygonProblems:
         loads_at_ends = np.concatenate([load - self.change, load + self.change])
         pressure = None
         if laws.has_rays or not lambda_1 > 0.0:
-            body = CondensedBody.known(A, c, lambda_1=lambda_1)
+            loose = None if lambda_1 > 0.0 else True
+            body = CondensedBody.known(A, c, lambda_1=lambda_1, loose=loose)
             all_laws = laws.tables.at(np.broadcast_to(index, load.shape))
             rows = ContactProblem.on(body, load, all_laws)
             reach, pressure = reach_of_openings(rows, np.abs(self.change))

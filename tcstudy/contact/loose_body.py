@@ -20,11 +20,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import far, largest_push
-from tcstudy.contact.problem import SOFT, ContactProblem
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
@@ -56,23 +55,15 @@ class LooseBody:
 
     problem: ContactProblem
 
-    @cached_property
-    def _eigenpairs(self) -> tuple[Array, Array]:
-        root = 1.0 / np.sqrt(self.problem.c)
-        scaled = self.problem.A_tilde * root[:, None] * root
-        eigenvalues, vectors = scipy.linalg.eigh(scaled)
-        return eigenvalues, root[:, None] * vectors
-
-    @cached_property
-    def count(self) -> int:
-        """Number k of independent motions."""
-        eigenvalues = self._eigenpairs[0]
-        return int(np.count_nonzero(eigenvalues <= SOFT * eigenvalues[-1]))
-
     @property
     def N(self) -> Array:
         """(m, k) a basis of the motions."""
-        return self._eigenpairs[1][:, : self.count]
+        return self.problem.body.motions
+
+    @property
+    def count(self) -> int:
+        """Number k of independent motions."""
+        return self.N.shape[1]
 
     @cached_property
     def limits(self) -> tuple[Array, Array]:
@@ -153,7 +144,7 @@ class LooseBody:
         largest_load = float(np.max(np.abs(problem.l_tilde) / problem.c))
         unit = largest_load or problem.law.b_scale or 1.0
         push = largest_push(problem.law)[index]
-        softest = float(self._eigenpairs[0][self.count])
+        softest = problem.body.softest
         reach = np.full(problem.m, np.inf)
         for steepness in _STEEPNESS * unit:
             left, right = (np.minimum(beta, steepness) for beta in self.limits)

@@ -161,12 +161,26 @@ class CondensedBody:
         return 0.0 if self.loose else least_eigenvalue(self.A_tilde, self.c)
 
     @cached_property
+    def eigenpairs(self) -> tuple[Array, Array]:
+        """Eigenvalues λ (m,) of Ãx = λCx, growing, and their x (m, m) with xᵀCx = 1."""
+        root = 1.0 / np.sqrt(self.c)
+        eigenvalues, vectors = scipy.linalg.eigh(self.A_tilde * root[:, None] * root)
+        return eigenvalues, root[:, None] * vectors
+
+    @cached_property
+    def motions(self) -> Array:
+        """(m, k) rigid motions, which Ã does not resist; none of a body that is not loose."""
+        if not self.loose:
+            return np.zeros((self.m, 0))
+        eigenvalues, vectors = self.eigenpairs
+        return vectors[:, eigenvalues <= SOFT * eigenvalues[-1]]
+
+    @property
     def softest(self) -> float:
         """Least eigenvalue of C^{−½}ÃC^{−½} that is not 0 [Pa/m]."""
         if not self.loose:
             return self.lambda_1
-        root = 1.0 / np.sqrt(self.c)
-        eigenvalues = scipy.linalg.eigvalsh(self.A_tilde * root[:, None] * root)
+        eigenvalues = self.eigenpairs[0]
         return float(eigenvalues[np.argmax(eigenvalues > SOFT * eigenvalues[-1])])
 
     @cached_property

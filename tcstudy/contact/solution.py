@@ -51,6 +51,8 @@ _MAX_STEPS = 20
 """Most Newton steps. Two suffice on the right pieces, the others put nodes on other pieces."""
 
 
+MAX_RESISTANCE = 1e-5
+"""Largest resistance of a loose body to a rigid motion, over the work of its loads."""
 MAX_ROUNDING = 1e-3
 """Rounding of ξ over the scale of b beyond which fewer than three digits of the friction hold."""
 
@@ -292,20 +294,27 @@ def judge(
         xi[row], residual[row] = point.xi, point.residual
     residual[np.isnan(residual)] = np.inf
     limits = np.array([acceptance.limit(float(share)) for share in rounding])
-    accepted = (residual <= limits) & has_digits(problem, rounding)
+    accepted = (residual <= limits) & is_in_balance(problem, v, rounding)
     return Judged(v, v_low, xi, residual, rounding, accepted)
 
 
-def has_digits(problem: ContactProblem, rounding: Array) -> Flags:
-    """Return (R,) whether points may be solutions; a loose body may be beyond the digits of v.
+def is_in_balance(problem: ContactProblem, v: Array, rounding: Array) -> Flags:
+    """Return (R,) whether points v (R, m) of a loose body may be solutions; all of other bodies.
 
-    Ã is singular to rounding alone, so that there are points at 1e16 where all seems in balance.
+    Ã is singular to rounding alone, so that far away it seems to resist a rigid motion r. A
+    solution has rᵀÃv = 0, so that contact alone is in balance with the load.
     """
     # of other problems it is not worth a factorisation
     is_known = problem.law.has_rays or "loose" in vars(problem.body)
     if not (is_known and problem.body.loose):
         return np.ones(rounding.shape, dtype=bool)
-    return np.asarray(rounding <= MAX_ROUNDING)
+    has_digits = np.asarray(rounding <= MAX_ROUNDING)
+    if not (problem.law.has_rays or "motions" in vars(problem.body)):
+        return has_digits
+    motions = problem.body.motions
+    resistance = np.abs((v @ problem.A_tilde) @ motions)
+    work = np.abs(problem.l_tilde) @ np.abs(motions)
+    return has_digits & np.all(resistance <= MAX_RESISTANCE * work, axis=-1)
 
 
 EVENT = 1e-9

@@ -35,7 +35,7 @@ from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Outcome, Status, trusted_share
 from tcstudy.contact.search import envelope_starts, move_starts
-from tcstudy.contact.solution import Acceptance, has_digits, judge, polished
+from tcstudy.contact.solution import Acceptance, is_in_balance, judge, polished
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.solver_plan import (
     ESCAPE,
@@ -275,7 +275,7 @@ class SolutionBlock:
         energy = rows.energy(v)
         accepted = residual <= self.acceptance.aim
         if rows.body.loose:
-            accepted &= has_digits(rows, rows.xi_rounding(v))
+            accepted &= is_in_balance(rows, v, rows.xi_rounding(v))
         doubtful = np.flatnonzero(~accepted)
         if len(doubtful):
             judged = judge(rows.take(doubtful), v[doubtful], self.acceptance)

@@ -227,3 +227,15 @@ def test_a_path_of_a_loose_body_ends_where_it_flies_off() -> None:
     assert path.end == PathStatus.UNBOUNDED
     np.testing.assert_allclose(path.t[[0, -2, -1]], [-3.0, 0.5, 1.0])
     np.testing.assert_allclose(path.u[-1], [0.0, 0.0, 0.5], atol=1e-14)
+
+
+def test_a_rigid_motion_that_rounding_alone_resists_is_no_solution() -> None:
+    """λ of the motion is 1e-15 of the largest: ξ = 0 in balance where v is a million times larger."""
+    A, _, c = lifted_strip(8)
+    modes = np.linalg.qr(np.column_stack([np.ones(8), np.eye(8)[:, 1:]]))[0]
+    stiffness = modes[:, 1:] @ modes[:, 1:].T @ A @ modes[:, 1:] @ modes[:, 1:].T
+    A = stiffness + 1e-15 * np.max(A) * np.ones((8, 8))
+    for push, status in ((-1e-3, Status.CONVERGED), (1e-3, Status.UNBOUNDED)):
+        load = np.linspace(-1.0, 1.0, 8) + push
+        problem = tcstudy.ContactProblem(0.5 * (A + A.T), load, c, tcstudy.opening())
+        assert tcstudy.solve(problem).status == status
