@@ -646,13 +646,19 @@ class Proofs:
 
 
 def row_of(record: Any, row: int) -> Any:
-    """Return one row of a record of rows, which may hold None or such records."""
+    """Return one row of a record of rows, which may hold None or such records.
+
+    Its single numbers are those of Python.
+    """
     if is_dataclass(record) and not isinstance(record, type):
         values: dict[str, Any] = {}
         for field in fields(record):
             values[field.name] = row_of(getattr(record, field.name), row)
         return type(record)(**values)
-    return None if record is None else record[row]
+    if record is None:
+        return None
+    value = record[row]
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def as_row(record: Any) -> Any:

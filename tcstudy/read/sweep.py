@@ -320,7 +320,7 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
             listed = f', --set "sweep.{axis.key}=[{lost.text()}]"'
         other_values = f"give the sweep other values{listed}"
         remedy = f"leave it out here, {other_values}, or remove it by --set sweep=null"
-        fault = f"{axis.key} is swept, so what this option says of it would not be used"
+        fault = f"the sweep gives {axis.key} its values, and this option would have no effect"
         ctx.at(lost, fault, remedy)
 
 

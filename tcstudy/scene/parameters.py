@@ -169,7 +169,8 @@ def affine_numbers(scene: Scene) -> Found:
     """
     heat = scene.heat
     roles = [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)]
-    idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
+    unloaded = "alpha_T (or beta) is 0, so temperature does not load the body"
+    idle = "" if scene.material.expands else unloaded
     uses_theta_bar = any(
         exchanges(role) and (role.heat is None or role.heat.theta_bar is None)
         for _, role, _ in roles

@@ -228,7 +228,7 @@ UNIFORM = "q is 0 and all given temperatures are equal, so theta is that tempera
 def no_heat(scene: Scene) -> str:
     """Return why the temperature need not be computed; empty if it must."""
     if not scene.material.expands:
-        return "beta is 0, so temperature does not load the body"
+        return "alpha_T (or beta) is 0, so temperature does not load the body"
     if scene.heat.theta is not None:
         return "theta is known"
     if not scene.conducts:

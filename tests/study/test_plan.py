@@ -66,7 +66,7 @@ def test_counts_and_what_is_left_out_and_why() -> None:
     forecast = plan(study_of(swept))
     assert (forecast.points, len(forecast.levels), forecast.left_out) == (12, 2, ())
     for change, reason in (
-        ("material.alpha_T=0", "heat problem: beta is 0"),
+        ("material.alpha_T=0", "heat problem: alpha_T (or beta) is 0"),
         (
             "heat={alpha: 1, theta_bar: 5}",
             "heat problem: q is 0 and all given temperatures are equal, so theta is",
