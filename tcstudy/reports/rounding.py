@@ -9,6 +9,8 @@ The scale of a quantity at a point follows from its law, its loads and the size 
     force          traction × contact length, or the largest force at the point
     displacement   traction / λ₁, or the largest displacement at the point
     energy         force × largest slip
+    normal         the largest normal stress of contact at the point
+    opening        the largest opening at the point
     stress         traction, or the largest stress at the point
     temperature    largest ambient, edge or body temperature, and those that heat input makes
 
@@ -45,9 +47,13 @@ SEGMENTS_OF_ARC = 24
 KINDS = {
     "traction": re.compile(r"xi|shear_max"),
     "resultant": re.compile(r"friction_resultant"),
-    "force": re.compile(r"(reaction|force)_.+_[xy]|section_force(_max)?|layer_force_.+"),
+    "force": re.compile(
+        r"(reaction|force)_.+_[xy]|section_force(_max)?|layer_force_.+|adhesion_resultant"
+    ),
     "displacement": re.compile(r"u_T|u_T_max|u_[xy]|probe_.+_u_[xyT]"),
     "energy": re.compile(r"energy|work_.+"),
+    "normal": re.compile(r"S_N|peel_stress_max|pressure_max"),
+    "opening": re.compile(r"opening(_max)?"),
     "stress": re.compile(r"von_mises_max|probe_.+_sigma_(xx|yy|xy)"),
     "temperature": re.compile(r"theta|theta_mean(_.+)?|probe_.+_theta"),
 }
@@ -235,6 +241,8 @@ def floors(data: Any, study: Study | None, usual_lengths: bool = False) -> Floor
         "force": np.maximum(force, SHARE * largest["force"]),
         "displacement": np.maximum(traction / softest, SHARE * largest["displacement"]),
         "energy": force * largest["displacement"],
+        "normal": SHARE * largest["normal"],
+        "opening": SHARE * largest["opening"],
         "stress": np.maximum(traction, SHARE * largest["stress"]),
         "temperature": SHARE * np.nan_to_num(scales["temperature"] + 0.0 * traction),
     }

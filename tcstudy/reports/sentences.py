@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from tcstudy.data.bodies import StoredBody
 from tcstudy.data.schema import OF_POLYGON, POLYGON, UNBALANCED, PointStatus
 from tcstudy.data.store import BRANCH, GUARANTEE, SWEPT_LOADS
+from tcstudy.reports.rounding import stored_study
 from tcstudy.reports.symbols import symbol
 from tcstudy.reports.text import (
     PROOFS,
@@ -35,6 +37,7 @@ from tcstudy.reports.text import (
     scaled_labels,
     with_unit,
 )
+from tcstudy.scene.records import Contact, Scene
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -115,10 +118,19 @@ HOW = {
     "change": (
         "change: the largest relative one of max |u_T|, energy and ∫ξ (of ∫|ξ|) at all points"
     ),
+    "change with openings": (
+        "change: the largest relative one of max |u_T|, largest opening, energy and ∫ξ (of ∫|ξ|) "
+        "at all points"
+    ),
     "no change": "not estimated: no slip, no friction and no energy to compare",
     "one mesh": "not estimated: one mesh",
 }
 """How the mesh error is known, or why there is none."""
+
+
+MIN_PLACE = 1e-2
+"""Openings up to this part of the largest are no place of their own: nodes beside a contact that
+rests lift off by a little."""
 
 
 class RunSeen:
@@ -179,6 +191,42 @@ class RunSeen:
         group = body.group(level)
         xi = body.read(group["xi"], level, body.cut(point))
         return float(np.abs(xi) @ body.read(group["c"], level))
+
+    @property
+    def opens(self) -> bool:
+        """Whether edges of the contact may open."""
+        return "opening_max" in self.nc.variables
+
+    @cached_property
+    def _scene(self) -> Scene | None:
+        """The scene outside the sweep, None where the study in the file cannot be read."""
+        study = stored_study(self.nc.__dict__, swept=False)
+        return None if study is None else study.scenes[0]
+
+    @property
+    def adheres(self) -> bool:
+        """Whether an edge that may open is a bond, which a law closes."""
+        return self.opens and self._scene is not None and bool(self._scene.adhesive_edges)
+
+    @property
+    def is_bond(self) -> bool:
+        """Whether all contact edges are bonds that may open, so that what debonds is a crack."""
+        if not self.opens or self._scene is None:
+            return False
+        return set(self._scene.adhesive_edges) == set(self._scene.edges(Contact))
+
+    def open_places(self, place: Place) -> str:
+        """Return where the contact is open on the last level at a point; "" if it is not stored."""
+        body, point = StoredBody.at(self.nc, int(np.ravel_multi_index(place, self.ok.shape)))
+        level = self.levels - 1
+        group = body.group(level)
+        if "opening" not in group.variables:
+            return ""
+        opening = body.read(group["opening"], level, body.cut(point))
+        edge = np.asarray(body.read(group["opening_edge"], level), dtype=np.intp)
+        names = str(group["edge"].__dict__.get("flag_meanings", "")).split()
+        is_open = np.asarray(opening > MIN_PLACE * np.max(opening, initial=0.0))
+        return open_ranges(is_open, edge, names)
 
     def symbol(self, name: str) -> str:
         """Return the symbol of the parameter of an axis, with the edge or region it belongs to."""
@@ -266,6 +314,109 @@ def _solved(run: RunSeen, failures: Sequence[Failure], not_run: int) -> tuple[st
 
 
 def _answer(run: RunSeen) -> tuple[str, ...]:
+    """Return what opens, if edges may, and what slips."""
+    return (*_openings(run), *_slips(run))
+
+
+def _openings(run: RunSeen) -> tuple[str, ...]:
+    """Return where the body lifts off or has debonded, the largest opening and normal stresses.
+
+    Empty without edges that may open.
+    """
+    opening, length = run.take("opening_max"), run.take("opened_length")
+    if opening is None or length is None:
+        return ()
+    place = first_largest(np.where(run.ok, opening, -1.0))
+    facts = [_crack(run)]
+    if opening[place] == 0.0:
+        facts.append("nothing lifts off")
+    else:
+        largest = f"largest opening {with_unit(float(opening[place]), run.units)}"
+        words = run.point_words(place)
+        facts += [_lift_off(run, length), f"{largest} at {words}" if words else largest]
+    facts.append(_normal_stresses(run))
+    return tuple(filter(None, facts))
+
+
+def _crack(run: RunSeen) -> str:
+    """Return how long the crack in a bond is; "" where the debonded length is also another's."""
+    span = _length_spans(run).get("debonded")
+    if span is None or not run.is_bond:
+        return ""
+    low, high = span
+    if low > 0.0:
+        return f"the crack in the bond is {between(low, high, run.units)} long"
+    return f"the crack in the bond is up to {with_unit(high, run.units)} long"
+
+
+def _lift_off(run: RunSeen, length: Array) -> str:
+    """Return over which length the contact opens, and where at the point where it is longest.
+
+    "" of bonds alone: most of an elastic one is open a little.
+
+    length: (*dims) that is open
+    """
+    if run.is_bond:
+        return ""
+    lengths = length[run.ok]
+    low, high = float(lengths.min()), float(lengths.max())
+    verb = "opens" if run.adheres else "lifts off"
+    over = between(low, high, run.units) if low > 0.0 else f"up to {with_unit(high, run.units)}"
+    place = first_largest(np.where(run.ok, length, -1.0))
+    where, words = run.open_places(place), run.point_words(place)
+    if not words:
+        over = with_unit(high, run.units)
+        return f"{verb} over {over} {where}".rstrip()
+    return f"{verb} over {over} (longest at {', '.join(filter(None, [words, where]))})"
+
+
+def _normal_stresses(run: RunSeen) -> str:
+    """Return the largest peel stress and the largest pressure of all points."""
+    units = "1" if run.units == "1" else "Pa"
+    largest = dict[str, float]()
+    for name in ("peel_stress_max", "pressure_max"):
+        values = run.take(name)
+        largest[name] = 0.0 if values is None else float(np.max(values[run.ok], initial=0.0))
+    peel, pressure = largest.values()
+    facts = list[str]()
+    if peel > SAME * pressure:
+        facts.append(f"largest peel stress {with_unit(peel, units)}")
+    if pressure > SAME * peel:
+        facts.append(f"pressed with at most {with_unit(pressure, units)}")
+    return ", ".join(facts)
+
+
+def open_ranges(is_open: Flags, edge: NDArray[np.intp], names: Sequence[str]) -> str:
+    """Return where a contact is open in words: "at both ends", "in the middle of base".
+
+    Edges are named where several may open.
+
+    is_open, edge: (n,) of the nodes along the line that may open
+    """
+    places = list[str]()
+    edges = list(dict.fromkeys(edge.tolist()))
+    for index in edges:
+        is_open_here = is_open[edge == index]
+        if not is_open_here.any():
+            continue
+        starts = np.flatnonzero(np.diff(np.append(0, is_open_here)) == 1)
+        at_ends = int(is_open_here[0]) + int(is_open_here[-1])
+        between_ends = len(starts) - at_ends
+        if is_open_here.all():
+            words = "everywhere"
+        elif between_ends > 1 or (between_ends and at_ends):
+            words = f"at {counted(len(starts), 'place')}"
+        elif between_ends:
+            words = "between its ends"
+        else:
+            words = "at both ends" if at_ends == 2 else "at one end"
+        if len(edges) > 1:
+            words = f"{words} ({names[index]})"
+        places.append(words)
+    return " and ".join(places)
+
+
+def _slips(run: RunSeen) -> tuple[str, ...]:
     """Return the largest slip with its point, and the lengths that slip, have debonded, …."""
     slip = run.take("u_T_max")
     if slip is None:
@@ -277,13 +428,22 @@ def _answer(run: RunSeen) -> tuple[str, ...]:
     words = run.point_words(place)
     facts = [
         f"{largest} at {words}" if words else largest,
-        slip_lengths(_length_spans(run), run.units),
+        slip_lengths(_lengths_of_slip(run), run.units),
     ]
     shear, arclength = run.take("shear_max"), run.take("shear_max_at")
-    if run.ok.size == 1 and shear is not None and arclength is not None:
+    has_friction = not (run.opens and shear is not None and np.all(shear[run.ok] == 0.0))
+    if run.ok.size == 1 and shear is not None and arclength is not None and has_friction:
         stress = with_unit(shear.item(), "1" if run.units == "1" else "Pa")
         facts.append(f"largest shear {stress} at s = {with_unit(arclength.item(), run.units)}")
     return tuple(filter(None, facts))
+
+
+def _lengths_of_slip(run: RunSeen) -> dict[str, tuple[float, float]]:
+    """Return the lengths of `_length_spans` without that of a crack, which is told before."""
+    spans = _length_spans(run)
+    if run.is_bond:
+        spans.pop("debonded", None)
+    return spans
 
 
 def _length_spans(run: RunSeen) -> dict[str, tuple[float, float]]:
@@ -328,7 +488,7 @@ def proof_classes(flags: Mapping[str, Flags], solved: Flags) -> str:
 def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
     """Return what is proved of the solutions of the finest level, and what speaks against them."""
     flags = {name: run.flag(name) for name, _ in PROOFS}
-    facts = [f"{proof_classes(flags, run.ok)} (this mesh)"]
+    facts = [f"{proof_classes(flags, run.ok)} (this mesh)", *_of_pressed_friction(run)]
     if run.take("proved_unique") is not None and unique.any():
         of_body = int(run.flag("proved_unique").sum())
         body = proved_object(run.nc.__dict__.get(GUARANTEE, ""))
@@ -345,6 +505,33 @@ def _trust(run: RunSeen, unique: Flags, ambiguous: Flags) -> tuple[str, ...]:
         missed = np.count_nonzero(run.nc["heat_status"][...] == UNBALANCED)
         facts.append(f"heat balance missed at {missed}" if missed else "")
     return tuple(filter(None, facts))
+
+
+NO_ENERGY = "friction follows the pressure: there is no energy to be least"
+
+
+def _of_pressed_friction(run: RunSeen) -> list[str]:
+    """Return why friction that follows the pressure has no minimum, and when it is unique.
+
+    Empty for other friction. The pressures are a fixed point, unique where their map contracts.
+    """
+    contraction = run.take("contraction")
+    if contraction is None:
+        return []
+    return [NO_ENERGY, contraction_words(contraction[run.ok])]
+
+
+def contraction_words(contraction: Array) -> str:
+    """Return what the bounds (p,) of the contraction prove at p solved points, NaN for none."""
+    bounds = contraction[np.isfinite(contraction)]
+    if not bounds.size:
+        return "no bound of the contraction, which proves uniqueness below 1"
+    low, high = float(bounds.min()), float(bounds.max())
+    span = number(high, 2) if low == high else f"{number(low, 2)} to {number(high, 2)}"
+    words = f"bound of the contraction {span}: unique below 1"
+    if bounds.size < contraction.size:
+        words += f", none at {contraction.size - bounds.size}"
+    return words
 
 
 FOLLOW_LOADING = "to follow the loading, take solver.branch: continued or path:"
@@ -592,12 +779,13 @@ def mesh_error(run: RunSeen) -> tuple[str, str]:
     change = last_change(run)
     if change is None:
         return "", HOW["no change"]
+    how = HOW["change with openings" if run.opens else "change"]
     if change.share >= 1.0:
-        return f"mesh too coarse for the order of magnitude of {change.symbol}", HOW["change"]
+        return f"mesh too coarse for the order of magnitude of {change.symbol}", how
     at_most = "at most " if run.ok.size > 1 else ""
     text = f"last refinement changed {change.symbol} by {at_most}{percent(change.share)}"
     words = run.point_words(change.place)
-    return f"{text} (at {words})" if words else text, HOW["change"]
+    return f"{text} (at {words})" if words else text, how
 
 
 def _goal_error(run: RunSeen) -> str | None:
@@ -625,7 +813,12 @@ def _about(error: float) -> str:
     return "mesh too coarse for the order of magnitude"
 
 
-CHANGED = {"u_T_max": "max |u_T|", "energy": "energy", "friction_resultant": "∫ξ"}
+CHANGED = {
+    "u_T_max": "max |u_T|",
+    "energy": "energy",
+    "friction_resultant": "∫ξ",
+    "opening_max": "largest opening",
+}
 """Results whose change by the last refinement is judged, and their symbols."""
 MIN_SIZE = 1e-3
 """Part of the largest value of all points with which smaller values are compared, so that a point
@@ -642,7 +835,7 @@ class MeshChange:
 
 
 def last_change(run: RunSeen) -> MeshChange | None:
-    """Return the largest relative change of max |u_T|, energy and ∫ξ by the last refinement.
+    """Return the largest relative change of the results of CHANGED by the last refinement.
 
     That of ∫ξ is relative to ∫|ξ|. None where all of them are rounding. Equilibrium may fix one of
     them, so that it alone says nothing of the mesh.

@@ -72,6 +72,39 @@ history:
   repeat: 2
 sweep: {friction.tau: [0.5, 0.25, 1], E: [100, 50]}
 """
+CURL = """
+title: Half of a slab that curls, its top colder or warmer
+body: {rectangle: {width: 6 m, height: 200 mm, edges: {bottom: base, left: middle, right: joint, top: surface}}}
+boundary: {base: {role: contact, normal: unilateral}, middle: {role: clamped, u_x: 0 m, u_y: free},
+           surface: {role: traction, pressure: 4.8 kPa}, joint: free}
+material: {E: 30 GPa, nu: 0, plane: stress, alpha_T: 1e-5 1/K}
+mesh: {maxh: 100 mm}
+sweep: {theta: ["-50*(y - 0.1)", "50*(y - 0.1)"]}
+output: {fields: true}
+"""
+ARM = """
+title: Half of a double cantilever beam
+body: {outline: [{from: [0 mm, 0 mm], edge: crack}, {from: [30 mm, 0 mm], edge: bond},
+                 {from: [60 mm, 0 mm], edge: right}, {from: [60 mm, 1.5 mm], edge: top},
+                 {from: [0 mm, 1.5 mm], edge: end}]}
+boundary: {bond: contact, right: {role: clamped, u_x: 0 mm, u_y: free}, crack: free, top: free,
+           end: {role: clamped, u_x: free, u_y: 1.9 mm}}
+material: {E: 70 GPa, nu: 0, plane: stress}
+adhesion: {law: bilinear, sigma: 20 MPa, s0: 4 um, sf: 14 um}
+mesh: {maxh: 0.5 mm}
+output: {fields: true}
+"""
+PRESSED = """
+title: A block that is pressed and sheared, on friction that knows the pressure
+body: {rectangle: {width: 40 mm, height: 20 mm}}
+boundary: {bottom: {role: contact, normal: unilateral}, top: {role: clamped, u_x: 10 um, u_y: -10 um},
+           left: free, right: free}
+material: {E: 70 GPa, nu: 0.3}
+friction: {law: coulomb, mu: 0.1}
+mesh: {maxh: 5 mm}
+sweep: {friction.mu: [0.1, 1]}
+output: {fields: true}
+"""
 NEAR = (
     "fit.parameters={friction.tau_s: {start: 7.3 MPa, within: [1 MPa, 50 MPa]},"
     " friction.delta: {start: 0.158 mm, within: [0.01 mm, 1 mm]}}"
@@ -82,6 +115,9 @@ STUDIES: dict[str, tuple[str | Path, list[str]]] = {
     "single": (BLOCK, ["sweep=null", "mesh.levels=1", "output={}"]),
     "films": (FILMS, []),
     "pads": (PADS, []),
+    "curl": (CURL, []),
+    "arm": (ARM, []),
+    "pressed": (PRESSED, []),
     "history": (RAIL, []),
     "path": (CONFIGS / "path.yaml", ["mesh.levels=1"]),
     "fit": (CONFIGS / "pull_fit.yaml", ["mesh.maxh=8 mm", "fit.starts=1", NEAR]),

@@ -11,8 +11,10 @@ from tcstudy.reports.sentences import (
     HOW,
     RunSeen,
     abrupt,
+    contraction_words,
     mesh_error,
     no_loading_curve,
+    open_ranges,
     proof_classes,
     run_verdict,
 )
@@ -257,3 +259,66 @@ def test_several_solutions_are_named_where_more_than_one_was_found() -> None:
     assert any(fact.startswith("all equilibria proved at 1 of 2") for fact in counted.trust)
     alone = verdict_on(dims, u_T_max=[[1.0], [2.0]], solutions=[[1], [1]], complete=[[1], [1]])
     assert not any("several" in fact for fact in alone.trust)
+
+
+# -- edges that open
+
+
+def test_a_run_says_first_where_and_how_far_a_body_lifts_off(stored: Stored) -> None:
+    answer = verdict_of(stored("curl")).answer
+    with netCDF4.Dataset(stored("curl")) as nc:
+        length, opening = nc["opened_length"][:, 0], nc["opening_max"][:, 0]
+        pressure = nc["pressure_max"][:, 0].max()
+    assert answer[0].startswith(
+        f"lifts off over {length[0]:.4g} to {length[1]:.4g} m (longest at θ"
+    )
+    assert answer[1] == f"largest opening {1e6 * opening[0]:.4g} µm at θ: -50*(y - 0.1)"
+    assert answer[2] == f"pressed with at most {1e-3 * pressure:.4g} kPa"
+    assert not any("shear" in fact for fact in answer)
+
+
+def test_what_has_debonded_of_a_bond_that_opens_is_its_crack(stored: Stored) -> None:
+    answer = verdict_of(stored("arm")).answer
+    with netCDF4.Dataset(stored("arm")) as nc:
+        crack, peel = nc["debonded_length"][0], nc["peel_stress_max"][0]
+    assert answer[0] == f"the crack in the bond is {1e3 * crack:.4g} mm long"
+    assert answer[2].startswith(f"largest peel stress {1e-6 * peel:.4g} MPa, pressed with at most")
+    assert not any("debonded" in fact for fact in answer)
+
+
+def test_friction_of_the_pressure_is_unique_where_it_contracts_and_has_no_energy(
+    stored: Stored,
+) -> None:
+    verdict = verdict_of(stored("pressed"))
+    with netCDF4.Dataset(stored("pressed")) as nc:
+        low, high = nc["contraction"][:, 0]
+    assert low < 1.0 < high
+    assert verdict.trust == (
+        "1 unique, 1 without certificate (this mesh)",
+        "friction follows the pressure: there is no energy to be least",
+        f"bound of the contraction {low:.2g} to {high:.2g}: unique below 1",
+    )
+    assert verdict.answer[0] == "nothing lifts off"
+
+
+@pytest.mark.parametrize(
+    ("opening", "words"),
+    [
+        ([0, 0, 1, 1], "at one end"),
+        ([1, 0, 0, 1], "at both ends"),
+        ([0, 1, 1, 0], "between its ends"),
+        ([0, 1, 0, 1], "at 2 places"),
+        ([1, 1, 1, 1], "everywhere"),
+    ],
+)
+def test_places_of_openings_are_told(opening: list[int], words: str) -> None:
+    is_open = np.array(opening, dtype=bool)
+    edge = np.zeros(4, dtype=int)
+    assert open_ranges(is_open, edge, ["base"]) == words
+    with_another = np.append(is_open, False), np.append(edge, 1)
+    assert open_ranges(*with_another, ["base", "side"]) == f"{words} (base)"
+
+
+def test_contractions_without_a_bound_prove_nothing() -> None:
+    assert contraction_words(np.array([np.nan])).startswith("no bound of the contraction")
+    assert contraction_words(np.array([0.5, np.nan])).endswith("0.5: unique below 1, none at 1")

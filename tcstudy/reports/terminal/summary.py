@@ -168,6 +168,10 @@ def _bound_notes(data: Any, total: int) -> tuple[str, ...]:
 
 
 _COLUMNS = (
+    ("opening_max", "max opening", 0),
+    ("opened_length", "opened", 3),
+    ("peel_stress_max", "peel stress", 1),
+    ("pressure_max", "pressure", 1),
     ("u_T_max", "max |u_T|", 0),
     ("slip_length", "slip length", 3),
     ("debonded_length", "debonded", 3),
@@ -176,6 +180,8 @@ _COLUMNS = (
     ("elastic_length", "elastic", 7),
     ("shear_max", "max |ξ|", 8),
     ("friction_resultant", "∫ξ", 2),
+    ("adhesion_resultant", "∫S_N", 4),
+    ("mode_mixity", "mode mixity", 7),
     ("energy", "energy", 5),
     ("theta_mean", "mean θ", 6),
 )
@@ -183,6 +189,10 @@ _COLUMNS = (
 CERTIFIED = (
     "certified: strongest property proved of the solution on its mesh "
     "(unique, global or local minimum of the energy)"
+)
+CERTIFIED_PRESSED = (
+    "certified: unique where the contraction of the pressures is below 1 on this mesh "
+    "(friction that follows the pressure has no energy)"
 )
 EVERY = (
     'equilibria: proved to be all, but "at least" where not; '
@@ -201,8 +211,18 @@ REGIONS = {
     ),
     "yielded_length": "yielded: length of sliding at constant b (plateau)",
     "elastic_length": "elastic: length on the initial elastic branch of b",
+    "opened_length": "opened: length on which the opening is above 0",
+    "adhesion_resultant": "∫S_N: over the edges that may open, positive in tension",
+    "mode_mixity": "mode mixity: 0° peels, 90° slides, at the node that takes most work",
 }
-"""Legends of the columns of lengths."""
+"""Legends of columns."""
+NEEDED = {
+    "shear_max": "shear_max",
+    "friction_resultant": "shear_max",
+    "peel_stress_max": "peel_stress_max",
+    "mode_mixity": "peel_stress_max",
+}
+"""Numbers that tell nothing where the other one is 0 at all points, of contact that may open."""
 FEW_POINTS = 4
 """Points up to which requested numbers have a row each, and the points columns."""
 
@@ -217,6 +237,8 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
     yield f"  Level {int(fine['level'])}, the finest:{part}"
     labels = rows.labels()
     usual = [row for row in _COLUMNS if row[0] in fine and np.isfinite(fine[row[0]].values).any()]
+    if "opening_max" in fine:
+        usual = [row for row in usual if rows.tells(row[0])]
     usual_columns = rows.usual(usual)
     proofs = rows.proofs_and_changes()
     requested = _requested(data)
@@ -283,6 +305,14 @@ class _Rows:
             columns.append(TextColumn(heading, cells))
         return columns
 
+    def tells(self, name: str) -> bool:
+        """Return whether a number tells something of contact that may open.
+
+        Without friction or without tension it does not: its columns would be 0, and the mode 90°.
+        """
+        needed = NEEDED.get(name, name)
+        return needed not in NEEDED.values() or bool(np.any(self.values(needed)[self.solved]))
+
     def column(self, name: str, title: str, rank: int, like: Any = None) -> TextColumn:
         """Return the column of a number; those of points without a solution are in parentheses."""
         values = self.values(name)
@@ -320,13 +350,19 @@ class _Rows:
             strongest = proved({name: flag[i] for name, flag in flags.items()})
             without = "failed" if run else "not run"
             proofs.append(strongest if solved else without)
-        notes = (CERTIFIED, FAILED) if "failed" in proofs else (CERTIFIED,)
+        certified = CERTIFIED_PRESSED if "contraction" in self.fine else CERTIFIED
+        notes = (certified, FAILED) if "failed" in proofs else (certified,)
         columns.append(TextColumn("certified", proofs, 1, notes))
         columns += self._softening()
+        if "contraction" in self.fine and np.isfinite(self.values("contraction")).any():
+            columns.append(self.column("contraction", "contraction", 2))
         if self.data.sizes["level"] > 1:
             # equilibrium may fix ∫ξ, but not the slip
             columns.append(self._change("u_T_max", "Δmax |u_T| to last level", 5))
-            columns.append(self._change("friction_resultant", "Δ∫ξ to last level", 4))
+            if "opening_max" in self.fine:
+                columns.append(self._change("opening_max", "Δmax opening to last level", 5))
+            if "opening_max" not in self.fine or self.tells("friction_resultant"):
+                columns.append(self._change("friction_resultant", "Δ∫ξ to last level", 4))
         return columns
 
     def _softening(self) -> list[TextColumn]:
