@@ -52,9 +52,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-_MAX_ROUNDS = 12
+_MAX_ROUNDS = 24
 """Most rounds of steps before a box is split."""
-_MAX_LEFT = 0.9
+_MAX_LEFT = 0.98
 """Share of the size of a box, and of its amplitudes, after a round above which it is split."""
 _ROW_TURNS = 2
 """Turns of row steps in a round; what they would move further, the other steps do sooner."""
