@@ -46,8 +46,8 @@ SAME = 1e-7
 """Solutions that differ by less than this part of the largest slip are the same."""
 LAW_ERROR = 1e-3
 """Error of the polygon of a law with exponential pieces, relative to its scale."""
-FIRST_WORK = 8e6
-"""Boxes times m³ of a problem after which it is searched by its soft modes, if it has some.
+FIRST_WORK = 6e10
+"""Boxes times m⁵ of a problem after which it is searched by its soft modes, if it has some.
 
 On coarse meshes more of the first search's cheap boxes are as fast.
 """
@@ -241,7 +241,7 @@ def searched(
 
     by_modes_of: searches the named problems that have soft modes by these
     """
-    first_boxes = max(MIN_FIRST_BOXES, int(FIRST_WORK / problems.m**3))
+    first_boxes = max(MIN_FIRST_BOXES, int(FIRST_WORK / problems.m**5))
     if limits.boxes <= first_boxes:
         return problems.search(limits), {}
     cells = problems.search(replace(limits, boxes=first_boxes))
