@@ -35,7 +35,6 @@ from tcstudy.fem.openings import OpeningLine
 from tcstudy.laws.composed import EdgeLaws, agreed, derivative, law_slopes, number_of, stepped
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level, loaded_by
-from tcstudy.offline.opening_laws import laws_of_openings
 from tcstudy.scene.fit_plan import Sensitivity
 from tcstudy.scene.keys import LAWS, parameter_names
 from tcstudy.scene.parameters import FACTORED, path_scene
@@ -284,7 +283,7 @@ def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> Iterator[_Law]:
     places = path if path[0] == "adhesion" else ()
     if places and _is_of_all(scene.adhesion):
         places = (*places, *scene.adhesive_edges)
-    of_openings = _laws_along(level.opening, laws_of_openings(scene), places)
+    of_openings = _laws_along(level.opening, scene.opening_laws, places)
     for law, nodes, strength, share, has_parameter in of_openings:
         yield law, level.line.m + nodes, strength, share, has_parameter
 

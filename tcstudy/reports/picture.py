@@ -31,7 +31,7 @@ from tcstudy.reports.select_point import (
     locate,
     of_largest_slip,
 )
-from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.contact_states import ContactState, NormalState, node_states, normal_states
 from tcstudy.scene.records import Clamped, Edge, Free, Material, Role, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_points
@@ -150,6 +150,28 @@ class LineFields:
 
 
 @dataclass(frozen=True)
+class Openings:
+    """The nodes of contact edges that may open, at one point of the sweep.
+
+    line:   their places, with the opening in place of u_T and S_N in place of ξ
+    states: (k,) NormalState of each
+    """
+
+    line: LineFields
+    states: NDArray[np.int8]
+
+    @property
+    def s_N(self) -> Array:
+        """(k,) openings, the distance from the foundation [length_units]."""
+        return self.line.u_T
+
+    @property
+    def S_N(self) -> Array:
+        """(k,) normal stresses, positive in tension [traction_units]."""
+        return self.line.xi
+
+
+@dataclass(frozen=True)
 class BodyFields:
     """The whole body: a mesh of n nodes and t triangles, displacement, temperature.
 
@@ -201,6 +223,7 @@ class Picture:
              or not in the file
     scene:   of the point, None if the study in the file cannot be read
     symbols: of the parameters of the point, by name
+    openings: of edges that may open, None without any
     """
 
     values: Any
@@ -213,6 +236,7 @@ class Picture:
     held: Any = ()
     scene: Scene | None = None
     symbols: Mapping[str, str] = field(default_factory=dict)
+    openings: Openings | None = None
 
     @property
     def title(self) -> str:
@@ -257,7 +281,21 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         held=_held_slips(line, group),
         scene=scene,
         symbols=symbols,
+        openings=_openings(scene, group, sizes, number),
     )
+
+
+def _openings(scene: Scene | None, group: Any, sizes: Floors, level: int) -> Openings | None:
+    """Return the openings of one point with 0 in place of rounding, None without any."""
+    if "opening" not in group:
+        return None
+    line = opening_line(group)
+    line = replace(
+        line,
+        u_T=sizes.cleared("opening", line.u_T, level, 0),
+        xi=sizes.cleared("S_N", line.xi, level, 0),
+    )
+    return Openings(line, opening_states(scene, group, line.u_T, line.sticks))
 
 
 def _held_slips(line: LineFields, group: Any) -> Array:
@@ -331,6 +369,54 @@ def contact_line(group: Any) -> LineFields:
         joints=joints_of(group),
         section=section,
     )
+
+
+def opening_line(group: Any) -> LineFields:
+    """Return the nodes of a level that may open, with openings as u_T and S_N as ξ."""
+    arclength, x, y = (group[f"opening_{name}"].values for name in ("arclength", "x", "y"))
+    return LineFields(
+        arclength=arclength,
+        x=x,
+        y=y,
+        c=group["c_N"].values,
+        edge=group["opening_edge"].values.astype(np.intp),
+        edge_names=_edge_names(group),
+        u_T=group["opening"].values,
+        xi=group["S_N"].values,
+        sticks=group["rests_N"].values == STICKS,
+        length_units=str(group["opening"].attrs["units"]),
+        traction_units=str(group["S_N"].attrs["units"]),
+        joints=_joints_of_openings(group),
+    )
+
+
+def _joints_of_openings(group: Any) -> Joints:
+    """Return the joints of contact edges by their number among the nodes that may open."""
+    joints = joints_of(group)
+    at_joints = group["arclength"].values[np.asarray(joints.node, dtype=np.intp)]
+    arclength = group["opening_arclength"].values
+    is_opening = np.isin(at_joints, arclength)
+    is_opening &= np.isin(joints.edge, group["opening_edge"].values)  # else the other one is held
+    if not is_opening.any():
+        return NO_JOINTS
+    nodes = np.searchsorted(arclength, at_joints[is_opening])
+    return Joints(nodes, *(np.asarray(part)[is_opening] for part in joints[1:]))
+
+
+def opening_states(
+    scene: Scene | None, group: Any, s_N: Array, rests: NDArray[np.bool_]
+) -> NDArray[np.int8]:
+    """Return (…, k) NormalState of the nodes of a level that may open.
+
+    Without the laws of the study a node is closed where it rests, and open elsewhere.
+    """
+    if scene is None:
+        return np.where(rests, NormalState.CLOSED, NormalState.OPEN).astype(np.int8)
+    names = _edge_names(group)
+    xy = np.stack([group["opening_x"].values, group["opening_y"].values], axis=1)
+    edge, joints = group["opening_edge"].values, _joints_of_openings(group)
+    law = law_along(scene.opening_laws, names, edge, xy, joints)
+    return normal_states(law, s_N, rests)
 
 
 def _edge_names(group: Any) -> tuple[str, ...]:

@@ -68,3 +68,39 @@ def node_states(law: Laws, u_T: ArrayLike, sticks: ArrayLike) -> NDArray[np.int8
     states[kind == DOWN] = ContactState.DROP
     states[np.asarray(sticks, dtype=bool) | (kind == UP)] = ContactState.STICK
     return states
+
+
+class NormalState(IntEnum):
+    """The state of a contact node that may lift off."""
+
+    CLOSED = 0
+    """rests on the foundation, or is pressed into one that gives way"""
+    ELASTIC = 1
+    """its bond is open and has not softened"""
+    SOFTENING = 2
+    """its bond softens, or has dropped down"""
+    OPEN = 3
+    """no bond holds it: lifted off, or beyond the last softening"""
+
+
+_NORMAL_STATES = {
+    ContactState.STICK: NormalState.CLOSED,
+    ContactState.SLIP: NormalState.ELASTIC,
+    ContactState.SOFTEN: NormalState.SOFTENING,
+    ContactState.DROP: NormalState.SOFTENING,
+    ContactState.WEAKENED: NormalState.OPEN,
+}
+
+
+def normal_states(law: Laws, s_N: ArrayLike, rests: ArrayLike) -> NDArray[np.int8]:
+    """Return the NormalState of nodes with openings (…, m) [m].
+
+    law:   of the openings;  rests: nodes that are known to rest on a vertical segment of it
+    """
+    opening = np.asarray(s_N, dtype=float)
+    normal_state_of = np.array([_NORMAL_STATES[state] for state in ContactState], dtype=np.int8)
+    states = normal_state_of[node_states(law, opening, rests)]
+    is_free = (states == NormalState.ELASTIC) & (law.b(opening) == 0.0)
+    states[is_free] = NormalState.OPEN
+    states[opening <= 0.0] = NormalState.CLOSED
+    return states

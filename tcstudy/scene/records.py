@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Scalar
 from tcstudy.laws.composed import EdgeLaws, bonded_edges
 from tcstudy.laws.laws import NONE, Laws
-from tcstudy.laws.shapes import knows_pressure
+from tcstudy.laws.shapes import knows_pressure, unilateral
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -494,6 +494,25 @@ class Scene:
         """The names of the contact edges that may lift off, in the order of the study."""
         contact = ((name, role) for name, role in self.boundary if isinstance(role, Contact))
         return tuple(name for name, role in contact if role.opens)
+
+    @property
+    def opening_laws(self) -> EdgeLaws:
+        """The law of the opening of every edge that may lift off, with its strength."""
+        adhesion = self.adhesion
+        edge_laws: tuple[tuple[str, Laws, Scalar], ...] = ()
+        if isinstance(adhesion, EdgeLaws):
+            edge_laws = adhesion.laws
+        elif adhesion is not None:
+            edge_laws = (("", adhesion, 1.0),)
+        of_edge = {name: (law, strength) for name, law, strength in edge_laws}
+        laws = list[tuple[str, Laws, Scalar]]()
+        for name in self.opening_edges:
+            law: Laws = unilateral()
+            strength: Scalar = 1.0
+            if name in self.adhesive_edges:
+                law, strength = of_edge.get(name) or of_edge[""]
+            laws.append((name, law, strength))
+        return EdgeLaws(tuple(laws))
 
     @property
     def pieces(self) -> tuple[tuple[Where, Material], ...]:

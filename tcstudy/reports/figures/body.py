@@ -189,6 +189,7 @@ def draw_body(
     title = f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){note}"
     axes.set_title(style.math(title), loc="left")
     _draw_outlines(axes, shape, body)
+    _draw_foundation(axes, picture, shape)
     edges = list(edge_lines(picture, shape))
     for lines, edge in edges:
         draw_edge(axes, lines, ROLES[edge.role], edge.role == "clamped", shape.per_inch)
@@ -212,6 +213,25 @@ def _draw_outlines(axes: Axes, shape: BodyShape, body: BodyFields) -> None:
     for region in np.unique(body.region)[1:]:
         rim = boundary_edges(body.xy, body.triangles[body.region == region])
         draw_lines(axes, polylines(shape.moved[rim]), color=style.INK, linewidth=0.7)
+
+
+def _draw_foundation(axes: Axes, picture: Picture, shape: BodyShape) -> None:
+    """Draw the foundation of edges that may open, hatched, and fill the gap above it."""
+    from matplotlib.collections import PolyCollection
+
+    openings, body = picture.openings, picture.body
+    if openings is None or body is None:
+        return
+    line = openings.line
+    names = {line.edge_names[index] for index in np.unique(line.edge)}
+    indices = [k for k, edge in enumerate(picture.edges) if edge.name in names]
+    is_side = np.isin(nearest(body.xy[shape.rim], picture.edges), indices)
+    start, end = shape.rim[is_side].T
+    still, moved = shape.still, shape.moved
+    gaps = np.stack([still[start], still[end], moved[end], moved[start]], axis=1)
+    axes.add_collection(PolyCollection(list(gaps), facecolor=style.OPEN, edgecolor="none"))
+    look = {"color": style.PALE, "linewidth": 1.2}
+    draw_edge(axes, polylines(still[shape.rim[is_side]]), look, True, shape.per_inch)
 
 
 def _draw_direction(axes: Axes, line: Array, per_inch: float) -> None:
@@ -358,6 +378,13 @@ ROLES: dict[str, dict[str, Any]] = {
     "free": {"color": style.INK, "linewidth": 1.0},
 }
 """Looks of the edges of each role."""
+CONTACTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "held": ("contact", {}),
+    "unilateral": ("contact, unilateral", {"linestyle": (0, (5, 1.2))}),
+    "adhesive": ("contact, adhesive", {"linestyle": (0, (1, 0.6))}),
+    "free": ("contact, frictional only", {"linewidth": 1.6}),
+}
+"""Words and looks of contact edges by what they do along their normal."""
 FILLS = ("#f3f1ea", "#cfe3f2", "#f6dcc6", "#d3ead9", "#efd4e4", "#f5ebc0", "#d9d9d9")
 """Colours of the body and of its regions."""
 HATCH = 0.1

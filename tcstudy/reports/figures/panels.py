@@ -112,9 +112,11 @@ class Panel:
         """Add a vertical line from end to end."""
         self._add("up", value, 0.0, REFERENCE | look)
 
-    def shade(self, low: float, high: float, upright: bool = True) -> None:
+    def shade(
+        self, low: float, high: float, upright: bool = True, color: str = style.SHADE
+    ) -> None:
         """Shade the area between two values of x, or of y."""
-        look = {"color": style.SHADE, "linewidth": 0, "zorder": 0}
+        look = {"color": color, "linewidth": 0, "zorder": 0}
         if upright:
             self._add("columns", (low, high), 0.0, look)
         else:

@@ -20,8 +20,10 @@ from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import Field, draw_body, field_of, name_body, scale_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
-from tcstudy.reports.picture import LineFields, Picture, edge_laws
+from tcstudy.reports.picture import LineFields, Openings, Picture, edge_laws
 from tcstudy.reports.text import LAMBDA_1_TOLERANCE, counted, number, pretty, with_unit
+from tcstudy.scene.contact_states import NormalState
+from tcstudy.scene.records import Scene
 from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 
 if TYPE_CHECKING:
@@ -123,10 +125,15 @@ def line_panels(picture: Picture, body_axis: Scale | None) -> dict[str, Panel]:
     """
     line = picture.line
     x = _abscissa(line, body_axis)
-    title = f"{contact_title(picture)}; u_T > 0 with the body on the left"
+    direction = "u_T > 0 with the body on the left"
+    title = f"Slip; {direction}" if picture.openings else f"{contact_title(picture)}; {direction}"
     slip = Panel(x.axis, scale("u_T", line.u_T, line.length_units), title)
     traction = Panel(x.axis, scale("ξ = −S_T", line.xi, line.traction_units))
     panels = {"upper": slip, "lower": traction}
+    if picture.openings:
+        panels = opening_panels(picture, picture.openings, x) | panels
+        if not np.any(line.xi):
+            del panels["lower"]  # without friction
     if line.section:
         panels["section"] = _section_panel(line, x)
     for index, part in enumerate(line.parts):
@@ -136,10 +143,47 @@ def line_panels(picture: Picture, body_axis: Scale | None) -> dict[str, Panel]:
     for panel in panels.values():
         for first, last in stick_ranges(line):
             panel.shade(x.at(first), x.at(last))
+        if picture.openings:
+            _shade_openings(panel, picture.openings, x)
         panel.across(0.0, color=style.PALE, zorder=1)
         panel.limits[0] = None if body_axis else (0.0, length / x.axis.unit)
-    _draw_edge_names(traction, panels.values(), line, x)
+    named = panels.get("lower", slip)
+    _draw_edge_names(named, panels.values(), line, x)
     return panels
+
+
+SHADED = {
+    NormalState.OPEN: ("is open (blue)", style.OPEN),
+    NormalState.SOFTENING: ("softens (orange)", style.SOFTENING),
+}
+"""States of openings that are shaded, with their words."""
+ROOM_BELOW = 0.12
+"""Height of the foundation below an opening, of the largest opening."""
+
+
+def opening_panels(picture: Picture, openings: Openings, x: Abscissa) -> dict[str, Panel]:
+    """Return panels of the gap over the foundation, which is shaded, and of S_N."""
+    line = openings.line
+    opening = scale("opening s_N", line.u_T, line.length_units)
+    gap = Panel(x.axis, opening, contact_title(picture))
+    title = "Normal stress, positive in tension"
+    stress = Panel(x.axis, scale("S_N", line.xi, line.traction_units), title)
+    for part in line.parts:
+        ends, nodes = line.steps(part)
+        arclength = np.append(line.arclength[part], ends[-1])[: len(nodes)]
+        gap.band(x.at(arclength), np.zeros(len(nodes)), line.u_T[nodes])
+        _draw_part(gap, stress, line, part, x, (np.nan, np.nan))
+    lowest = min(float(line.u_T.min()), -ROOM_BELOW * float(np.abs(line.u_T).max()))
+    if lowest < 0.0:
+        gap.shade(lowest, 0.0, upright=False)
+        gap.limits[1] = (float(gap.y(lowest)), None)
+    return {"opening": gap, "normal": stress}
+
+
+def _shade_openings(panel: Panel, openings: Openings, x: Abscissa) -> None:
+    for state, (_, colour) in SHADED.items():
+        for first, last in _ranges(openings.line, openings.states == state):
+            panel.shade(x.at(first), x.at(last), color=colour)
 
 
 def _section_panel(line: LineFields, x: Abscissa) -> Panel:
@@ -186,9 +230,7 @@ def _draw_part(
         slip.note("constrained", (x.at(end), value), shift, ha=align, fontsize=8.5)
 
 
-def _draw_edge_names(
-    traction: Panel, panels: Iterable[Panel], line: LineFields, x: Abscissa
-) -> None:
+def _draw_edge_names(named: Panel, panels: Iterable[Panel], line: LineFields, x: Abscissa) -> None:
     """Name the contact edges of a line of several, and mark the nodes where they meet."""
     cuts = np.flatnonzero(np.diff(line.edge)) + 1
     if not len(cuts):
@@ -199,7 +241,7 @@ def _draw_edge_names(
     for index, node in enumerate([0, *cuts]):
         name = line.edge_names[line.edge[node]]
         middle = ends[index : index + 2].mean()
-        traction.note(name, (middle, 0.0), (0, 2), top=True, **look)
+        named.note(name, (middle, 0.0), (0, 2), top=True, **look)
         if index > 0:
             for panel in panels:
                 panel.up(ends[index], color=style.PALE, zorder=1)
@@ -208,10 +250,30 @@ def _draw_edge_names(
 def contact_title(picture: Picture) -> str:
     """Return what sticks and what slips; of an elastic bond, where no node can stick, neither."""
     scene, line = picture.scene, picture.line
+    if picture.openings:
+        return f"Contact line: {opening_text(picture.openings, line, scene)}"
     can_stick = scene is None or any(np.any(law.kinds == UP) for law in scene.laws)
     if not can_stick and not line.sticks.any():
         return "Contact line: elastic bond, which sticks nowhere"
     return f"Contact line: {stick_text(line)}"
+
+
+def opening_text(openings: Openings, line: LineFields, scene: Scene | None) -> str:
+    """Return which parts of a contact line that may open are open, soften, stick and slip."""
+    normal = openings.line
+    shares = {"sticks (shaded)": line.c[line.sticks].sum() / line.c.sum()}
+    for state, (words, _) in SHADED.items():
+        shares[words] = normal.c[openings.states == state].sum() / normal.c.sum()
+    texts = [f"{100.0 * share:.1f} % {words}" for words, share in shares.items() if share > 0.0]
+    slips = scene is None or not all(law.vanishes for law in scene.laws)
+    rest = "it slips" if slips else "the bond holds" if _is_bond(scene) else "it is closed"
+    if not texts:
+        return f"all of it is closed{' and slips' if slips else ''}"
+    return ", ".join([*texts, f"otherwise {rest}"])
+
+
+def _is_bond(scene: Scene | None) -> bool:
+    return scene is not None and bool(scene.adhesive_edges)
 
 
 def stick_text(line: LineFields) -> str:
@@ -225,10 +287,15 @@ def stick_text(line: LineFields) -> str:
 
 def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     """Return arclengths between which the line sticks: joined segments S_i of sticking nodes."""
+    return _ranges(line, line.sticks)
+
+
+def _ranges(line: LineFields, is_node: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return arclengths between which are joined segments S_i of some nodes (m,) of a line."""
     ranges: list[tuple[float, float]] = []
     for part in line.parts:
         ends, nodes = line.steps(part)
-        change = np.diff(np.concatenate([[0], line.sticks[nodes].astype(int), [0]]))
+        change = np.diff(np.concatenate([[0], is_node[nodes].astype(int), [0]]))
         first, last = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
         ranges += [(float(ends[a]), float(ends[b])) for a, b in zip(first, last, strict=True)]
     return ranges

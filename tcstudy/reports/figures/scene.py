@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from tcstudy.data.variables import axis_attributes
 from tcstudy.errors import shortened
 from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import knows_pressure
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import (
+    CONTACTS,
     FILLS,
     HATCH,
     ROLES,
@@ -37,7 +39,7 @@ from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_un
 from tcstudy.scene.keys import law_rows
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import BODY, Body, Clamped, Role, Scalar
+from tcstudy.scene.records import BODY, Body, Clamped, Contact, Role, Scalar, Scene
 from tcstudy.scene.study import Axis, Study
 from tcstudy.shapes.edges import edge_points
 
@@ -139,7 +141,9 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     """Return the figure of a study."""
     scene, si = study.scenes[0], study.units == "SI"
     edges = {name: polylines(pieces) for name, pieces in shape.segments.items()}
-    roles, values, laws = dict(scene.boundary), dict(numbers(scene)), laws_drawn(study)
+    roles, values = dict(scene.boundary), dict(numbers(scene))
+    laws = {section: laws_drawn(study, section) for section in LAW_PANELS}
+    law_panels = [section for section, drawn in laws.items() if drawn]
     place = _placement(shape.points)
     labels = {}
     for name in edges:
@@ -152,15 +156,15 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     facts = [body, *scene_facts(study, values, shape.lambda_1)]
     margin = 0.3 + LINE * max(map(len, labels.values()))
     margin += ARROW * any(role.loaded for role in roles.values())
-    sheet, axes = _sheet(look, study.title, facts, place, margin, bool(laws))
+    sheet, axes = _sheet(look, study.title, facts, place, margin, law_panels)
     points = place.inches(shape.points)
     _draw_mesh(axes, points, shape.triangles, shape.region)
     placed = {name: [place.inches(line) for line in lines] for name, lines in edges.items()}
     covered = list[Array]()
     for name, lines in placed.items():
         covered += _draw_role(axes, lines, edges[name], roles.get(name))
-    if laws:
-        _draw_laws(sheet, laws, si, float(place.size[0]))
+    for section in law_panels:
+        _draw_laws(sheet, section, laws[section], si, float(place.size[0]))
     sheet.key("scene")
     figure = sheet.finish()
     texts = _name_edges(axes, covered, placed, labels)
@@ -217,13 +221,13 @@ def _sheet(
     facts: Sequence[str],
     place: Placement,
     margin: float,
-    has_law: bool = False,
+    law_panels: Sequence[str] = (),
 ) -> tuple[Sheet, Axes]:
     """Return the sheet and the axes of the body, in inches; margin: above and below the body."""
     width, height = place.size * place.scales
     rows, heights = [["scene"]], [height + 2.0 * margin]
-    if has_law:
-        rows.append(["law"])
+    for section in law_panels:
+        rows.append([section])
         heights.append(1.5)
     sheet = Sheet(look, title, facts, rows, heights)
     axes = sheet.panels["scene"]
@@ -275,12 +279,12 @@ def _draw_role(
 
     lines, true_lines: of the edge on the sheet [inch], and of the body [m]
     """
-    word = role.word if role is not None else "free"
+    word, line_look = _look_of(role)
     is_fixed = type(role) is Clamped and None not in role.u
-    covered = draw_edge(axes, lines, ROLES[word], is_fixed)
+    covered = draw_edge(axes, lines, line_look, is_fixed)
     for line in lines:
         covered.append(points_along(line, max(2, int(length_of(line) / 0.04)))[0])
-    axes.plot([], [], label=word, **ROLES[word])
+    axes.plot([], [], label=word, **line_look)
     if role is None:
         return covered
     length = sum(map(length_of, lines))
@@ -298,6 +302,15 @@ def _draw_role(
     for push, colour in _pushes(role, np.concatenate(points), normals, along):
         covered += _draw_arrows(axes, push, np.concatenate(starts), normals, gap, colour)
     return covered
+
+
+def _look_of(role: Role | None) -> tuple[str, dict[str, Any]]:
+    """Return the words for a role in the key, and the look of its edges."""
+    word = role.word if role is not None else "free"
+    if not isinstance(role, Contact):
+        return word, ROLES[word]
+    words, along_normal = CONTACTS[role.normal]
+    return words, ROLES[word] | along_normal
 
 
 def _draw_arrows(
@@ -385,7 +398,8 @@ def _value(entry: Number, si: bool) -> str:
 
 def role_words(edge: str, role: Role, values: Values, si: bool) -> list[str]:
     """Return the boundary condition of an edge, with its values: "traction", "g_x = 3 MPa"."""
-    facts = [role.word, *words(values, ("boundary", edge), si)]
+    word, _ = _look_of(role)
+    facts = [word, *words(values, ("boundary", edge), si)]
     if type(role) is Clamped and role.word != "symmetry" and any(u != 0.0 for u in role.u):
         names = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
         facts += [f"{name} free" for name, u in zip(names, role.u, strict=True) if u is None]
@@ -409,9 +423,13 @@ def scene_facts(study: Study, values: Values, lambda_1: float | None) -> Iterato
 
 def _softening(study: Study, lambda_1: float | None) -> str:
     """Return the range of ω of the laws, and whether λ₁ of the mesh excludes several solutions."""
+    if study.knows_pressure:
+        return "Friction follows the pressure: no energy, several solutions may exist"
     unit = "Pa m-1" if study.units == "SI" else "1"
-    scenes = distinct(study.scenes, "friction")
+    scenes = distinct(study.scenes, "friction", "adhesion")
     omegas = [law.omega for scene in scenes for law in scene.laws]
+    if study.opens:
+        omegas = [_largest_omega(scene) for scene in scenes]
     least, most = min(omegas), max(omegas)
     ends = []
     for omega in (least, most):
@@ -426,6 +444,12 @@ def _softening(study: Study, lambda_1: float | None) -> str:
     if least >= lambda_1:
         return fact + "several solutions may exist"
     return fact + "one solution for laws with ω below it, several may exist for others"
+
+
+def _largest_omega(scene: Scene) -> float:
+    """Return the maximum softening slope of all laws of a scene, of slips and of openings."""
+    of_openings = (law for _, law, _ in scene.opening_laws.laws)
+    return max(law.omega for law in (*scene.laws, *of_openings))
 
 
 def varied(study: Study) -> str:
@@ -460,15 +484,21 @@ def _axis_words(axis: Axis) -> str:
     return f"{name} = {', '.join(texts)} {pretty(unit)}".rstrip()
 
 
-def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
-    """Return the laws of a study, named by sweep, edge and parameters that differ.
+LAW_PANELS = {"friction": ("slip s", "b(s)"), "adhesion": ("opening s_N", "b_N(s_N)")}
+"""Sections of laws that are drawn, with the names of their axes."""
+
+
+def laws_drawn(study: Study, section: str) -> list[tuple[str, Laws]]:
+    """Return the laws of a section of LAW_PANELS, named by sweep, edge and differing parameters.
 
     Of more than MAX_LAWS laws a selection is returned; its names say how many there are.
     """
-    axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
+    axis = next((axis for axis in study.axes if axis.path == (section,)), None)
     of_edges = []
-    for scene in distinct(study.scenes, "friction"):
-        of_edges += [(edge, law) for edge, law, _ in edge_laws(scene.friction)]
+    for scene in distinct(study.scenes, section):
+        section_laws = getattr(scene, section)
+        if section_laws is not None:
+            of_edges += [(edge, law) for edge, law, _ in edge_laws(section_laws)]
     has_labels = axis is not None and len(of_edges) == len(axis.labels)
     by_name = dict[str, Laws]()
     for index, (edge, law) in enumerate(of_edges):
@@ -504,17 +534,25 @@ def _differences(law: Laws, alike: Sequence[Laws], si: bool) -> list[str]:
     return differences
 
 
-def _draw_laws(sheet: Sheet, laws: Sequence[tuple[str, Laws]], si: bool, size: float) -> None:
+def _draw_laws(
+    sheet: Sheet, section: str, laws: Sequence[tuple[str, Laws]], si: bool, size: float
+) -> None:
     reach = max(slip_range(law) for _, law in laws) or 1e-3 * size
     values = [law.b(np.linspace(0.0, reach, 50)) for _, law in laws]
-    slip = scale("slip s", [reach], "m" if si else "1")
-    panel = Panel(slip, scale("b(s)", values, "Pa" if si else "1"))
+    slip_name, traction_name = LAW_PANELS[section]
+    is_coefficient = section == "friction" and all(knows_pressure(law) for _, law in laws)
+    traction_unit = "Pa" if si else "1"
+    if is_coefficient:
+        traction_name, traction_unit = "b(s) / pressure", "1"
+    slip = scale(slip_name, [reach], "m" if si else "1")
+    panel = Panel(slip, scale(traction_name, values, traction_unit))
     labelled = set[str]()
     for index, (name, law) in enumerate(laws):
         label = "" if name in labelled else name
         labelled.add(name)
         colour = style.SERIES[index % len(style.SERIES)]
         draw_law(panel, law, (-0.03 * reach, reach), label, color=colour)
-    panel.draw(sheet.panels["law"])
-    sheet.panels["law"].set_ylim(bottom=0.0)
-    sheet.legend("law")
+    axes = sheet.panels[section]
+    panel.draw(axes)
+    axes.set_ylim(bottom=0.0)
+    sheet.legend(section)

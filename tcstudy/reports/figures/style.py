@@ -40,6 +40,9 @@ BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
 SERIES = (BLUE, VERMILLION, GREEN, "#cc79a7", "#e69f00", "#56b4e9", INK)
 """Colours of the palette of Okabe and Ito, distinct for every kind of colour vision."""
 
+OPEN, SOFTENING = "#cfe6f5", "#fbdcc0"
+"""Of contact that is open, and of a bond that softens as it opens."""
+
 EVEN = "#fed976"
 """Of the colours of HEAT, the one for a body of one temperature."""
 

@@ -9,11 +9,14 @@ import xarray as xr
 
 pytest.importorskip("matplotlib")
 
+from matplotlib.collections import PolyCollection
+
 import tcstudy
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import boundary_edges, exaggeration, polylines
 from tcstudy.reports.figures.point import stick_ranges, stick_text
 from tcstudy.reports.picture import NamedEdge, contact_edges, read_picture
+from tcstudy.scene.contact_states import NormalState
 from tests.reports.conftest import Stored
 from tests.reports.figures.shown import contact_panels, crowded, drawn, figure_of, line, shown_line
 
@@ -185,3 +188,38 @@ output: {fields: true}
         assert sigma[np.isfinite(sigma)] == pytest.approx(E, rel=1e-9)
     assert np.all(np.isfinite(body) | np.isfinite(coat))
     assert np.nanmax(np.abs(others)) < 1e-6
+
+
+# -- edges that open
+
+
+def test_openings_have_two_rows_and_their_gap_in_the_body(stored: Stored) -> None:
+    shown = read_picture(stored("curl"), {"theta": "-50*(y - 0.1)"}, 0)
+    body, gap, stress, slip = figure_of(shown).axes[:4]
+    with xr.open_datatree(stored("curl")) as tree:
+        level = tree["level_0"].dataset.isel({"heat_theta": 0}, missing_dims="ignore").load()
+    s, opening = level["opening_arclength"].values, level["opening"].values
+    np.testing.assert_allclose(shown_line(gap), [s, 1e6 * opening], rtol=1e-9, atol=1e-9)
+    _, values = shown_line(stress)
+    np.testing.assert_allclose(values[::2], 1e-3 * level["S_N"].values, rtol=1e-9, atol=1e-6)
+    labels = [axes.get_ylabel() for axes in (gap, stress, slip)]
+    assert labels == ["opening $s_{N}$ [µm]", "$S_{N}$ [kPa]", "$u_{T}$ [µm]"]
+    is_open = opening > 1e-9 * opening.max()
+    share = level["c_N"].values[is_open].sum() / level["c_N"].values.sum()
+    assert f"{100 * share:.1f} % is open (blue)" in gap.get_title(loc="left")
+    (gaps,) = (item for item in body.collections if isinstance(item, PolyCollection))
+    assert len(gaps.get_paths()) == len(s) - 1
+
+
+def test_nodes_of_a_bond_that_opens_have_the_states_of_its_law(stored: Stored) -> None:
+    openings = read_picture(stored("arm"), None, 0).openings
+    assert openings is not None
+    s_N, states = openings.s_N, openings.states
+    expected = np.select(
+        [s_N <= 0.0, s_N < 4e-6, s_N < 14e-6],
+        [NormalState.CLOSED, NormalState.ELASTIC, NormalState.SOFTENING],
+        NormalState.OPEN,
+    )
+    np.testing.assert_array_equal(states, expected)
+    assert set(expected) == set(NormalState)
+    assert read_picture(stored("block"), {"theta_bar": 10}, 0).openings is None

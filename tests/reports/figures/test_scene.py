@@ -10,6 +10,7 @@ import pytest
 import tcstudy
 from tcstudy.errors import StudyError
 from tcstudy.pictures import draw_picture
+from tcstudy.read.study import read_study_text
 from tests.commands import CONFIGS
 
 pytest.importorskip("matplotlib")
@@ -48,6 +49,18 @@ def test_values_are_said_where_they_act() -> None:
     ]
 
 
+MIXED = """
+body: {outline: [
+  {from: [0 mm, 0 mm], edge: base}, {from: [30 mm, 0 mm], edge: bond}, {from: [70 mm, 0 mm], edge: glide},
+  {from: [100 mm, 0 mm], edge: right}, {from: [100 mm, 10 mm], edge: top}, {from: [0 mm, 10 mm], edge: end}]}
+boundary: {base: {role: contact, normal: unilateral}, bond: contact, glide: {role: contact, normal: free},
+           right: clamped, top: free, end: {role: traction, pressure: 1 MPa}}
+material: {E: 70 GPa, nu: 0.3}
+friction: {bond: {law: bilinear, tau: 20 MPa, s0: 8 um, sf: 30 um}, base: {law: linear, k: 0},
+           glide: {law: linear, k: 0}}
+adhesion: {bond: {law: bilinear, sigma: 20 MPa, s0: 4 um, sf: 14 um}}
+mesh: {maxh: 5 mm}
+"""
 CROSSED = """
 body: {outline: [
   {from: [0 mm, 0 mm], edge: bottom},
@@ -84,3 +97,23 @@ def test_edges_with_faults_are_marked(
         draw_picture(file, target)
     drawn = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", target.read_text(encoding="utf-8")))
     assert all(mark in drawn for mark in marks)
+
+
+def test_edges_that_open_are_named_and_both_laws_are_drawn() -> None:
+    study = read_study_text(MIXED, "mixed", [])
+    figure = draw_picture(study, None)
+    edges = {text.get_text().split("\n")[0]: text.get_text() for text in figure.axes[0].texts}
+    assert "contact, unilateral" in edges["base"]
+    assert "contact, adhesive" in edges["bond"]
+    assert "frictional" in edges["glide"]
+    labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes[1:]]
+    assert labels == [
+        ("slip s [µm]", "b(s) [MPa]"),
+        ("opening $s_{N}$ [µm]", "$b_{N}$($s_{N}$) [MPa]"),
+    ]
+    texts = " ".join(text.get_text() for text in figure.texts)
+    assert "ω = 2 TPa" in texts
+    pressed = study.with_({"friction": {"law": "coulomb", "mu": 0.3}})
+    figure = draw_picture(pressed, None)
+    assert figure.axes[1].get_ylabel() == "b(s) / pressure"
+    assert "Friction follows the pressure" in " ".join(text.get_text() for text in figure.texts)
