@@ -10,7 +10,16 @@ import xarray as xr
 
 import tcstudy
 from tests.commands import CONFIGS
-from tests.verification.gallery_forms import Law, bar, ring_slip
+from tests.verification.gallery_forms import (
+    Array,
+    Law,
+    PeeledArm,
+    SplitBeam,
+    bar,
+    curled,
+    ring_slip,
+    warped_die,
+)
 
 FIELDS = "output.fields=true"
 LAWS = {
@@ -227,3 +236,76 @@ def test_ring(tmp_path: Path) -> None:
         errors = np.abs(torque[:, law] / np.array(exact)[:, None] - 1.0)
         assert np.all(errors <= [8e-3, 2.2e-3, 6e-4])
         assert np.all(errors[:, :-1] >= 2.8 * errors[:, 1:])
+
+
+def path(name: str, target: Path, *changes: str) -> dict[str, Array]:
+    """The variables of a path's file."""
+    study = tcstudy.load(str(CONFIGS / f"{name}.yaml"), list(changes))
+    tree = tcstudy.run(study, target / f"{name}.nc").tree
+    return {str(key): variable.values for key, variable in tree.dataset.variables.items()}
+
+
+def test_peeled_arm(tmp_path: Path) -> None:
+    """Force at three ends, and the crack there, on 6 triangles over the arm."""
+    arm = PeeledArm(70e9 * 1.5e-3**3 / 12.0, 20e6, 4e-6, 14e-6)
+    cracks = np.array([32e-3, 36e-3, 42e-3])
+    forces, ends = np.array([arm.state(crack) for crack in cracks]).T
+    assert forces / 1e3 == pytest.approx(told("peel_arm", "    force"), rel=1e-6)
+    assert ends * 1e3 == pytest.approx(told("peel_arm", "    end"), rel=1e-6)
+    found = path("peel_arm", tmp_path, "mesh.maxh=0.25 mm")
+    lowest = found["solution_lowest"] == 1
+    assert found["solution_parameter"][lowest] == pytest.approx(ends, rel=1e-6)
+    assert found["solution_force_left_y"][lowest] == pytest.approx(forces, rel=0.02)
+    assert 30e-3 + found["solution_debonded_length"][lowest] == pytest.approx(cracks, rel=0.02)
+
+
+def test_split_beam(tmp_path: Path) -> None:
+    """Force and displacement of the end at four cracks, and both turns of the end; errors fall with h²."""
+    beam = SplitBeam(70e9, 1.5e-3, 0.1, 20e6, 8e-6, 30e-6)
+    cracks = np.array([34e-3, 42e-3, 50e-3, 60e-3])
+    forces = np.array([beam.force(crack) for crack in cracks])
+    assert forces / 1e3 == pytest.approx(told("split_beam", "    force"), rel=1e-6)
+    starts = max(beam.end(30e-3, tip) for tip in np.linspace(25e-6, 30e-6, 2001))
+    back, crack = min((beam.end(a), a) for a in np.linspace(45e-3, 52e-3, 701))
+    assert told("split_beam", "The end turns at") == pytest.approx(
+        [1e3 * starts, 1e3 * back], rel=1e-6
+    )
+    assert crack == pytest.approx(48.6e-3, abs=0.05e-3)
+    errors = []
+    for maxh in ("0.375 mm", "0.1875 mm"):
+        found = path("split_beam", tmp_path / maxh, f"mesh.maxh={maxh}")
+        end, force = found["parameter"], 2.0 * found["force_left_y"]
+        failed = np.where(np.abs(found["u_T"]) >= 30e-6, found["arclength"], 0.0).max(axis=1)
+        first = int(np.argmax(failed > 0.0))
+        turns = end[: first + 1].max() / starts, end[first:].min() / back
+        found_forces = np.interp(cracks, 30e-3 + failed[first:], force[first:])
+        errors.append([*turns, *(found_forces / forces)])
+    coarse, fine = np.abs(np.array(errors) - 1.0)
+    assert np.all(fine < [8e-3, 2e-3, *4 * [0.02]])
+    assert np.all(coarse > 3.0 * fine)
+
+
+def test_curled_slab(tmp_path: Path) -> None:
+    """Heights of the end and of the hump; errors of linear triangles in bending fall with h²."""
+    beams = curled(30e9, 0.2, 24e3, 1e-5 * 10.0)
+    data = run("curled_slab", tmp_path, "mesh.maxh=50 mm")
+    for i, (name, (length, height)) in enumerate(beams.items()):
+        assert told("curled_slab", f"    {name}") == pytest.approx([1e3 * height, length], rel=1e-6)
+        coarse, fine = 1.0 - data["opening_max"].values[i] / height
+        assert 0.0 < fine < 0.07
+        assert 2.3 < coarse / fine < 5.0
+        assert data["opened_length"].values[i, 1] == pytest.approx(length, rel=0.05)
+
+
+def test_warped_die(tmp_path: Path) -> None:
+    """Shear and peel at the end; a stiff attach feels the die's own compliance in its thickness."""
+    tree = run("warped_die", tmp_path, "mesh.levels=1")
+    level = tree["level_0"].dataset
+    bounds = {50e9: (1e-3, 6e-3), 2000e9: (0.02, 0.06)}
+    for i, (k, bound) in enumerate(bounds.items()):
+        form = warped_die(130e9, 0.5e-3, 5e-3, 1e-3, k, 4.0 * k)
+        assert told("warped_die", f"k_T {k / 1e9:4.0f}") == pytest.approx(
+            [abs(1e-6 * stress) for stress in form], rel=2e-5
+        )
+        found = [float(level[name].values[i, -1]) for name in ("xi", "S_N")]
+        assert np.all(np.abs(np.array(found) / form - 1.0) < bound)
