@@ -2,7 +2,8 @@
 
 A contact edge constrains u_N; where its last nodes stick it constrains u_T as well. Stick and slip
 are told apart by the solution on the finest mesh, because the bound of the friction law, not the
-corner, decides between them.
+corner, decides between them. So are closed and open where an edge may lift off: closed it
+constrains u_N, open it does not, and its laws bound the tractions.
 
 Exponents: u ~ r^α with the smallest positive Re α, θ ~ r^γ with the smallest positive γ.
 
@@ -41,7 +42,7 @@ from tcstudy.shapes.edges import Junction, Side
 
 Array = NDArray[np.float64]
 Sticks = Callable[[str, Point], bool]
-"""Whether the contact edge sticks near a point."""
+"""Whether the contact edge sticks near a point; of openings, whether it is closed there."""
 
 
 def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) -> Sticks:
@@ -61,6 +62,10 @@ def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) ->
     return near
 
 
+NOWHERE = sticking_near((), np.empty((0, 2)), np.empty(0, dtype=bool))
+"""Of a body whose contact edges do not lift off: no opening is closed."""
+
+
 @dataclass(frozen=True)
 class Vertex:
     """A corner of the body, or a point where materials meet.
@@ -72,6 +77,8 @@ class Vertex:
     heat:     θ ~ r^heat, likewise
     steps:    the shear stress has a step there, or may have, and Γ_C meets it
     meeting:  regions around it, counter-clockwise, where materials differ
+    closed:   an edge that may lift off is closed there
+    parts:    an edge with a law of its opening is open there
     """
 
     at: Point
@@ -81,19 +88,26 @@ class Vertex:
     heat: float
     steps: bool = False
     meeting: tuple[str, ...] = ()
+    closed: bool = False
+    parts: bool = False
 
 
 THINNEST = 1e-3
 """Angle [rad] below which edges meet in a cusp, and within which two edges count as straight."""
 
 
-def vertices(corners: Iterable[Junction], scene: Scene, sticks: Sticks) -> list[Vertex]:
-    """Return the corners of the body and the places where interfaces end, turn or meet."""
-    candidates = [_vertex(corner, scene, sticks) for corner in corners]
+def vertices(
+    corners: Iterable[Junction], scene: Scene, sticks: Sticks, closed: Sticks = NOWHERE
+) -> list[Vertex]:
+    """Return the corners of the body and the places where interfaces end, turn or meet.
+
+    closed: whether an edge that may lift off is closed near a point
+    """
+    candidates = [_vertex(corner, scene, sticks, closed) for corner in corners]
     return [vertex for vertex in candidates if vertex is not None]
 
 
-def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
+def _vertex(corner: Junction, scene: Scene, sticks: Sticks, closed: Sticks) -> Vertex | None:
     """Return None where an interface only separates one material or goes straight on."""
     regions = _merged_wedges(corner, scene)
     materials = dict(scene.material.regions)
@@ -112,12 +126,14 @@ def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
     if not corner.within:
         edge_sides = [side for side in corner.sides if side.name]
         sides = (edge_sides[0], edge_sides[-1])
-    conditions = [_condition(roles[side.name], side, corner.at, sticks) for side in sides]
+    conditions = [_condition(roles[side.name], side, corner.at, sticks, closed) for side in sides]
     words = tuple(condition for _, condition in conditions)
     is_cusp = min(angle for angle, _ in wedges) < THINNEST
     exponent = math.nan
     heat = SMOOTH
-    if not is_cusp:
+    # where friction follows the pressure, slip couples both tractions
+    is_coupled = scene.knows_pressure and "slipping contact" in words
+    if not is_cusp and not is_coupled:
         unit = wedges[0][1].mu
         elastic = []
         for angle, material in wedges:
@@ -136,6 +152,11 @@ def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
     if has_temperature and difference > 1e-12 * max(map(abs, expansions)):
         exponent = min(exponent, 1.0)  # u ~ r log r
     has_contact = any(isinstance(roles[side.name], Contact) for side in sides)
+    if scene.opens:
+        has_contact &= any(_has_shear(scene, side.name) for side in sides)
+    edges_that_open = [side.name for side in sides if side.name in scene.opening_edges]
+    is_closed = [closed(edge, corner.at) for edge in edges_that_open]
+    is_adhesive = [edge in scene.adhesive_edges for edge in edges_that_open]
     has_two_edges = len({side.name for side in sides}) > 1
     has_two_laws = isinstance(scene.friction, EdgeLaws) and has_two_edges
     only_slips = set(words) == {"slipping contact"}
@@ -147,6 +168,8 @@ def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
         heat,
         steps=has_contact and (not only_slips or not one_material or has_two_laws),
         meeting=() if one_material else tuple(name for name, _ in regions),
+        closed=any(is_closed),
+        parts=any(np.array(is_adhesive, dtype=bool) & ~np.array(is_closed, dtype=bool)),
     )
 
 
@@ -168,12 +191,19 @@ def _has_prescribed_temperature(role: Role) -> bool:
     return role.heat is not None and role.heat.theta is not None
 
 
-def _condition(role: Role, side: Side, corner: Point, sticks: Sticks) -> tuple[Held, str]:
+def _condition(
+    role: Role, side: Side, corner: Point, sticks: Sticks, closed: Sticks
+) -> tuple[Held, str]:
     """Return the constrained directions in a side's polar frame, and the condition in words."""
     if isinstance(role, Contact):
+        holds_normal = role.normal == "held" or (role.opens and closed(side.name, corner))
         if sticks(side.name, corner):
-            return CLAMPED, "sticking contact"
-        return SLIDING, "slipping contact"
+            return (
+                (CLAMPED, "sticking contact")
+                if holds_normal
+                else (GUIDED, "sticking, open contact")
+            )
+        return (SLIDING, "slipping contact") if holds_normal else (FREE, "open contact")
     if isinstance(role, Rigid):  # it stays straight
         return CLAMPED, "rigid"
     if not isinstance(role, Clamped):
@@ -182,13 +212,22 @@ def _condition(role: Role, side: Side, corner: Point, sticks: Sticks) -> tuple[H
         return CLAMPED, "clamped"
     constrains_first = role.u[0] is not None
     if role.frame == "nt":
-        return (SLIDING, "roller") if constrains_first else (((1.0, 0.0),), "guided")
+        return (SLIDING, "roller") if constrains_first else (GUIDED, "guided")
     d = (1.0, 0.0) if constrains_first else (0.0, 1.0)
     e_r = side.away
     e_phi = (-e_r[1], e_r[0])
     radial = round(d[0] * e_r[0] + d[1] * e_r[1], 12)
     angular = round(d[0] * e_phi[0] + d[1] * e_phi[1], 12)
     return ((radial, angular),), "roller"
+
+
+def _has_shear(scene: Scene, edge: str) -> bool:
+    """Return whether friction or a load may put a shear stress on an edge."""
+    laws = {name: law for name, law, _ in scene.friction_by_edge}
+    if edge in laws:
+        return not laws[edge].vanishes
+    role = dict(scene.boundary)[edge]
+    return role != role.without_loads()
 
 
 def corner_words(vertex: Vertex) -> str:
@@ -214,6 +253,8 @@ FREE: Held = ()
 CLAMPED: Held = ((1.0, 0.0), (0.0, 1.0))
 SLIDING: Held = ((0.0, 1.0),)
 """u_N = 0 without (or with a bounded, smooth) tangential traction."""
+GUIDED: Held = ((1.0, 0.0),)
+"""u_T = 0 without (or with a bounded, smooth) normal traction."""
 
 SMOOTH = 2.0
 """Exponent of a corner without any below it.

@@ -49,8 +49,14 @@ FACTORS = {
     "friction_resultant": (2.0, 2.0, 1.5),
     "slip_length": (1.0, 1.0, 1.0),
     "u_T_max": (4.0, 3.0, 2.5),
+    "opening_max": (4.0, 3.0, 2.5),
+    "adhesion_resultant": (2.0, 2.0, 1.5),
+    "opened_length": (1.0, 1.0, 1.0),
+    "debonded_length": (1.0, 1.0, 1.0),
 }
 """Uncertainty over the step by quantity: of three, of four, of five levels."""
+LENGTHS = frozenset({"slip_length", "opened_length", "debonded_length"})
+"""Sums of whole cells of Γ_C."""
 MOST_UNRESOLVED = 4.0
 """Scaled difference that the cells of Γ_C explain at most of a result that is no sum of cells.
 
@@ -89,8 +95,8 @@ class StickSlip:
     def unresolved(self, name: str) -> float:
         """Return the change of a result that the cells of this mesh cannot show.
 
-        slip_length:        every cell between nodes of different state, at least the largest cell
-        friction_resultant: the jumps of ξ between such nodes, or a zone of stick that no node shows
+        lengths:    every cell between nodes of different state, at least the largest cell
+        resultants: the jumps of ξ between such nodes, or a zone of stick that no node shows
         """
         if not len(self.c):
             return 0.0
@@ -98,9 +104,9 @@ class StickSlip:
         changes = self.signs[first] != self.signs[second]
         cells = 0.5 * (self.c[first] + self.c[second])[changes]
         largest_cell = float(self.c.max())
-        if name == "slip_length":
+        if name in LENGTHS:
             return max(float(cells.sum()), largest_cell)
-        if name == "friction_resultant":
+        if name in ("friction_resultant", "adhesion_resultant"):
             jumps = np.abs(self.xi[first] - self.xi[second])[changes]
             hidden_zone = 0.0
             if self.can_stick and not changes.any():
@@ -143,7 +149,7 @@ def limit_of(name: str, h: Array, q: Array, unresolved: float = 0.0) -> Limit:
         limit = finest + last / (ratio**centre_order - 1.0)
     scaled_difference = float(np.max(np.abs(differences) * h[-1] / h[1:]))
     step = max(abs(last) / (ratio**step_order - 1.0), MEMORY * scaled_difference)
-    if name != "slip_length":
+    if name not in LENGTHS:
         unresolved = min(unresolved, MOST_UNRESOLVED * scaled_difference)
     factor = FACTORS[name][len(q) - MIN_LEVELS]
     return Limit(float(limit), float(max(factor * step, unresolved)), centre_order)

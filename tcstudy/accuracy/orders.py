@@ -14,6 +14,7 @@ added to them, over μ):
     u_T on Γ_C, L² and max:         min(2, 2α, γ + ½), min(2, 2α, γ)
     ξ on Γ_C, L² as steps:          min(1, 2α, δ + ½)
     ξ on Γ_C, L² and max at nodes:  min(2, 2α, δ + ½), min(2, 2α, δ)
+    s_N, S_N of edges that open:    as u_T and ξ, with γ and δ of their own
 
 With θ ~ r^γ' in the worst corner of a temperature that is solved for, ‖θ − θ_h‖ falls like 2 min(1,
 γ'), |θ − θ_h|₁ like min(1, γ'). Where it loads the body, no error of u and ξ falls faster than ‖θ −
@@ -28,6 +29,10 @@ maximum norm P1 is of order h² |log h| and no better (R. Haverkamp, SIAM J. Num
                       shear stress), and δ = γ, because ξ = b(u_T)
     stick meets slip: γ = 3/2, δ = 1/2; the r^{1/2} term of the mixed problem would break the bound
                       of the law
+    lift-off:         γ = 3/2, δ = 1/2 of S_N, alike: the r^{1/2} term would be tension, or overlap.
+                      The other traction is b of a displacement, and as smooth: δ = 3/2
+    cohesive front:   S_N = b(s_N) has a kink at most where a law bends, which P1 does not see
+    open corner:      as a slipping one, with S_N = b(s_N)
     constrained end:  a node of Γ_C without an unknown gives its half cell to its neighbour (method
                       §2), whose c is then 3/2 h for a load ∫φ = h: γ = δ = 1 where that neighbour
                       slips, and where it sticks ξ is off by a third of itself, δ = 0. This is of
@@ -200,7 +205,7 @@ class Singularity:
 Smoothness = dict[str, list[Singularity]]
 """Limits of u in the body, u_T and ξ on Γ_C, and θ: `body`, `u_T`, `xi`, `theta`.
 
-`load` has those of θ as far as it loads the body.
+`load` has those of θ as far as it loads the body, `s_N` and `S_N` those of edges that may lift off.
 """
 
 
@@ -272,7 +277,7 @@ def smoothness(
                 of_corner.append(Singularity(1.0 + corner.heat, why, mu))
         worst = _worst(of_corner)
         limits["body"].append(worst)
-        if "sticking contact" in corner.words:
+        if any(words.startswith("sticking") for words in corner.words):
             limits["u_T"].append(worst)
             if worst.exponent == SMOOTH:
                 limits["xi"].append(worst)
@@ -291,6 +296,55 @@ def smoothness(
         limits["xi"].append(Singularity(0.5, why))
     limits["load"] = limits["theta"] if loads else []
     return limits
+
+
+def with_openings(
+    limits: Smoothness, corners: Sequence[Vertex], stick_slip: bool, lifts_off: bool
+) -> Smoothness:
+    """Return the smoothness of a computed solution with that of openings, on uniform meshes.
+
+    limits:     those of `smoothness`
+    stick_slip: stick meets slip somewhere inside Γ_C
+    lifts_off:  closed meets open somewhere inside Γ_C
+    """
+    s_N: list[Singularity] = []
+    S_N: list[Singularity] = []
+    u_T = list(limits["u_T"])
+    xi = list(limits["xi"])
+    for corner in corners:
+        if math.isnan(corner.exponent):
+            continue
+        place = corner_words(corner)
+        of_corner = Singularity(corner.exponent, f"{place}: u ~ r^{corner.exponent:.3f}")
+        if corner.closed:
+            s_N.append(of_corner)
+            if corner.steps and not any(words.startswith("sticking") for words in corner.words):
+                why = f"{place}: shear stress may jump, S_N ~ log r"
+                S_N.append(_worst([Singularity(0.0, why), _less_one(of_corner)]))
+            else:
+                S_N.append(_less_one(of_corner))
+        elif corner.parts:
+            step = Singularity(1.0, f"{place}: normal stress may jump, u ~ r log r")
+            s_N.append(_worst([step, of_corner]))
+            S_N.append(_worst([step, of_corner]))
+    if stick_slip:
+        why = "stick meets slip on Γ_C: u ~ r^1.5"
+        s_N.append(Singularity(1.5, why))
+        S_N.append(Singularity(1.5, why))
+    if lifts_off:
+        why = "Γ_C lifts off: u ~ r^1.5"
+        u_T.append(Singularity(1.5, why))
+        xi.append(Singularity(1.5, why))
+        s_N.append(Singularity(1.5, why))
+        S_N.append(Singularity(0.5, why))
+    return {**limits, "u_T": u_T, "xi": xi, "s_N": s_N, "S_N": S_N}
+
+
+def _less_one(singularity: Singularity) -> Singularity:
+    """Return the singularity of the derivatives, none of what is smooth."""
+    if singularity.exponent == SMOOTH:
+        return singularity
+    return replace(singularity, exponent=singularity.exponent - 1.0)
 
 
 def _worst(candidates: Sequence[Singularity]) -> Singularity:
@@ -323,6 +377,16 @@ def expected_orders(limits: Smoothness, analysed: bool = True) -> dict[str, Expe
         "xi_nodes": _lowest(2.0, polluted, warm, xi.order(plus=0.5)),
         "xi_max": _lowest(2.0, polluted, warm, xi.order()),
     }
+    if "s_N" in limits:
+        s_N = _worst(limits["s_N"])
+        S_N = _worst(limits["S_N"])
+        orders |= {
+            "opening_L2": _lowest(2.0, polluted, warm, s_N.order(plus=0.5)),
+            "opening_max": _lowest(2.0, polluted, warm, s_N.order()),
+            "S_N_L2": _lowest(1.0, polluted, warm, S_N.order(plus=0.5)),
+            "S_N_nodes": _lowest(2.0, polluted, warm, S_N.order(plus=0.5)),
+            "S_N_max": _lowest(2.0, polluted, warm, S_N.order()),
+        }
     for name, expected in orders.items():
         if name.endswith("_max") and expected.order == 2.0:
             reason = f"{expected.reason}: h² |log h|"

@@ -507,14 +507,41 @@ ERRORS = (
     Measure(
         "xi_max", "ξ in max", "Pa2", "largest error of the friction traction at the contact nodes"
     ),
+    Measure("opening_L2", "s_N in L²(Γ_C)", "m3", "error of the opening in L2 of the contact line"),
+    Measure("opening_max", "s_N in max", "m2", "largest error of the opening at its nodes"),
+    Measure(
+        "S_N_L2",
+        "S_N in L²(Γ_C)",
+        "Pa2 m",
+        "error of the normal traction of openings as a step function in L2",
+    ),
+    Measure(
+        "S_N_nodes",
+        "S_N at nodes",
+        "Pa2 m",
+        "error of the normal traction of openings at their nodes, weighted by c_N",
+    ),
+    Measure(
+        "S_N_max", "S_N in max", "Pa2", "largest error of the normal traction of openings at nodes"
+    ),
 )
 BY_ITSELF = {"estimate_u_energy": "error_estimate", "bound_u_energy": "error_bound_relative"}
 """Errors of the displacement that a study with a guarantee computes: names here, names in a run."""
+OPENING_NUMBERS = (
+    Measure("opening_max", "max s_N", "m", "largest opening"),
+    Measure("adhesion_resultant", "∫S_N", "N m-1", "integral of the normal traction of openings"),
+    Measure("opened_length", "opened length", "m", "length of the contact line that is open"),
+    Measure(
+        "debonded_length", "debonded length", "m", "length of the contact line that is debonded"
+    ),
+)
+"""Numbers of studies with edges that may lift off."""
 NUMBERS = (
     Measure("energy", "energy", "J m-1", "energy of the solution"),
     Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
     Measure("slip_length", "slip length", "m", "length of the contact line that does not stick"),
     Measure("u_T_max", "max |u_T|", "m", "largest tangential displacement on the contact line"),
+    *OPENING_NUMBERS,
 )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.accuracy.corners import sticking_near, vertices
+from tcstudy.accuracy.corners import NOWHERE, Sticks, sticking_near, vertices
 from tcstudy.accuracy.limits import MIN_LEVELS as LIMIT_LEVELS
 from tcstudy.accuracy.limits import StickSlip, limit_of
 from tcstudy.accuracy.orders import (
@@ -32,10 +32,17 @@ from tcstudy.accuracy.orders import (
     rounding_level,
     smooth_up_to,
     smoothness,
+    with_openings,
 )
 from tcstudy.data.records import Journal, Record
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.tables import BY_ITSELF, NUMBERS, VERDICTS, convergence_record
+from tcstudy.data.tables import (
+    BY_ITSELF,
+    NUMBERS,
+    OPENING_NUMBERS,
+    VERDICTS,
+    convergence_record,
+)
 from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.solution import (
     exact_energy,
@@ -106,12 +113,26 @@ def orders_to_expect(
     line = finest.line
     edges = [line.edge_names[e] for e in line.edge] if solution.ok else ()
     sticks_near = sticking_near(edges, line.xy, sticks)
-    corners = vertices(finest.mesh.geometry.corners, scene, sticks_near)
+    closed_near = _closed_near(finest, solution)
+    corners = vertices(finest.mesh.geometry.corners, scene, sticks_near, closed_near)
     grading = graded_points(study)
     gradings = [grading.get(corner.at, 1.0) for corner in corners]
     limits = smoothness(corners, has_front, gradings, scene.material.expands)
+    if scene.opens:
+        closed_count = int(np.count_nonzero(solution.closed))
+        lifts_off = solution.ok and 0 < closed_count < len(solution.closed)
+        limits = with_openings(limits, corners, has_front, lifts_off)
     is_analysed = not any(math.isnan(corner.exponent) for corner in corners)
     return expected_orders(limits, analysed=is_analysed)
+
+
+def _closed_near(level: SolvedLevel, solution: Solution) -> Sticks:
+    """Return the function that says whether an edge's opening nearest to a point is closed."""
+    opening = level.opening
+    if opening is None or not solution.ok:
+        return NOWHERE
+    edges = [opening.edge_names[e] for e in opening.edge]
+    return sticking_near(edges, opening.xy, solution.closed)
 
 
 def _states_beside_held(level: SolvedLevel, solution: Solution) -> tuple[bool, bool]:
@@ -184,10 +205,6 @@ def converge_to_file(
         estimates = "they come with their own error estimates"
         remedy = "use tcstudy run or tcstudy cost, or --set mesh.family=uniform"
         raise ConvergenceError(f"{problem}, and {estimates}; {remedy}")
-    if study.opens:
-        problem = "rates are measured of slips, and a contact edge may open"
-        remedy = "compare levels with tcstudy run, which prints the last change of each result"
-        raise ConvergenceError(f"{problem}; {remedy}")
     to_file(path, study, command, lambda: converge(study, say), lock=lock)
 
 
@@ -359,7 +376,7 @@ def _point(
         "reason": np.array([solution.reason for solution in solutions], dtype=object),
         "h_max": np.array([level.mesh.h_max for level in levels]),
         "n_dof": [level.n_dof for level in levels],
-        "n_contact": [level.line.m for level in levels],
+        "n_contact": [level.m for level in levels],
         "compared": comparison.compared,
     }
     point |= _error_values(study, levels, comparison, index, scene)
@@ -439,13 +456,18 @@ def _number_values(
     h = np.array([level.mesh.h_max for level in levels])
     is_solved = np.array([solution.ok for solution in solutions])
     states = _contact_states(levels, solutions)
+    opening_states = _opening_states(levels, solutions)
     values = dict[str, Any]()
     for measure in NUMBERS:
         name = measure.name
+        is_of_openings = measure in OPENING_NUMBERS
+        if is_of_openings and not scene.opens:
+            continue
         numbers = _values_by_level(solutions, name)
         if not np.isfinite(numbers).any():
             continue
-        unresolved = states[-1].unresolved(name) if states else 0.0
+        states_of_number = opening_states if is_of_openings else states
+        unresolved = states_of_number[-1].unresolved(name) if states_of_number else 0.0
         limit = limit_of(name, h, np.where(is_solved, numbers, np.nan), unresolved)
         values |= {
             f"value_{name}": numbers,
@@ -480,7 +502,25 @@ def _contact_states(
         inner_segments = unknowns[(unknowns >= 0).all(axis=1)]
         can_stick = math.isfinite(solution.numbers.get("slip_length", math.nan))
         state = StickSlip(
-            level.line.c, solution.v, solution.xi, solution.sticks, inner_segments, can_stick
+            level.line.c, solution.slips, solution.xi, solution.sticks, inner_segments, can_stick
+        )
+        states.append(state)
+    return states
+
+
+def _opening_states(
+    levels: Sequence[SolvedLevel], solutions: Sequence[Solution]
+) -> list[StickSlip]:
+    """Return the state of the openings on the solved levels of a point, coarse to fine."""
+    states = list[StickSlip]()
+    for level, solution in zip(levels, solutions, strict=True):
+        opening = level.opening
+        if not solution.ok or opening is None:
+            continue
+        unknowns = opening.unknowns
+        inner_segments = unknowns[(unknowns >= 0).all(axis=1)]
+        state = StickSlip(
+            opening.c, solution.opening, solution.S_N, solution.closed, inner_segments, False
         )
         states.append(state)
     return states
@@ -496,8 +536,11 @@ def _notes(
     if isinstance(reference, ExactReference):
         yield from _inclusion_note(study, levels[-1], reference)
     if any(NOT_ANALYSED in point.get("reason_u_energy", "") for point in points):
+        where = "where edges meet without an angle"
+        if study.knows_pressure:
+            where = "with slip under a friction that follows the pressure"
         yield (
-            "Corners where edges meet without an angle are not analysed: expected orders are those "
+            f"Corners {where} are not analysed: expected orders are those "
             "of a solution that is smooth there, and lower ones are not called slow."
         )
     if isinstance(reference, FineReference):
@@ -527,7 +570,9 @@ def _inclusion_note(study: Study, finest: SolvedLevel, exact: ExactReference) ->
 def _new_order_note(study: Study, levels: Sequence[SolvedLevel]) -> Iterator[str]:
     """Yield the advice to add a level where stick and slip change their order on the finest."""
     changes = list[str]()
-    for index in np.ndindex(study.shape):
+    for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True):
+        if scene.opens and scene.friction.vanishes:  # slips are nothing but those of openings
+            continue
         states = _contact_states(levels, [level.solutions[index] for level in levels])
         orders = [state.order for state in states]
         if len(orders) >= LIMIT_LEVELS and orders[-1] != orders[-2]:

@@ -9,14 +9,15 @@ edge that cuts a triangle, by as much as the gradient jumps there, to either sid
 (Interpolation at the fine nodes would smooth these jumps, which are the error: with h_fine = h/4 it
 lost 27 % of it in the energy norm.) The displacement of the contact line is that at its fine nodes.
 The traction is the step function of the coarse line, looked up in the middle of every half of the
-fine segments. Nested meshes are compared at their contact nodes, too.
+fine segments. Nested meshes are compared at their contact nodes, too. Openings and normal tractions
+of edges that may lift off are compared as slips and friction are.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -47,6 +48,7 @@ from tcstudy.exact.solution import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.expression import value_and_gradient
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.openings import OpeningLine
 from tcstudy.laws.composed import law_along
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
@@ -78,6 +80,9 @@ class Solution:
     numbers: results by name, as in the result file
     lower:   energy of the least state found, where it is below this one, which is on the branch of
              the exact solution [J/m]
+    opening, S_N: (k,) openings [m] and normal tractions [Pa] of the nodes that may lift off; empty
+             where no edge does
+    closed:  (k,) whether these rest at a jump of their law
     """
 
     status: PointStatus
@@ -88,26 +93,41 @@ class Solution:
     sticks: NDArray[np.bool_]
     numbers: dict[str, float]
     lower: float = math.nan
+    opening: Array = field(default_factory=lambda: np.empty(0))
+    S_N: Array = field(default_factory=lambda: np.empty(0))
+    closed: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
 
     @property
     def ok(self) -> bool:
         """Whether it passed its acceptance test."""
         return self.status == PointStatus.OK and bool(self.parts)
 
+    @property
+    def slips(self) -> Array:
+        """u_T (m,) [m], 0 where it is rounding beside the openings."""
+        largest = _largest(self.opening)
+        return np.where(np.abs(self.v) <= SLIP_ROUNDING * largest, 0.0, self.v)
+
 
 @dataclass(frozen=True)
 class SolvedLevel:
-    """One level: its mesh, its contact line, and its solutions."""
+    """One level: its mesh, its contact line, its openings if it has some, and its solutions."""
 
     n_dof: int
     mesh: PlaneMesh
     line: ContactLine
     solutions: Mapping[Key, Solution]
+    opening: OpeningLine | None = None
+
+    @property
+    def m(self) -> int:
+        """Number of contact unknowns: slips and openings."""
+        return self.line.m if self.opening is None else self.line.m + self.opening.m
 
     @classmethod
     def of(cls, level: Level, solutions: Mapping[Key, Solution]) -> SolvedLevel:
         """Keep what errors need of a level."""
-        return cls(level.frames.n_dof, level.mesh, level.line, solutions)
+        return cls(level.frames.n_dof, level.mesh, level.line, solutions, level.opening)
 
     @cached_property
     def normals(self) -> Array:
@@ -132,11 +152,21 @@ class SolvedLevel:
         """
         return np.asarray(self.normals[..., 0] * y - self.normals[..., 1] * x)
 
+    def openings(self, x: Array, y: Array, *_: Array) -> Array:
+        """Return −u·n at both ends of the segments that may lift off, as `tangential`."""
+        assert self.opening is not None
+        s_N = -(self.normals[..., 0] * x + self.normals[..., 1] * y)
+        return np.asarray(s_N[self.opening.which])
+
     def halves(self, xi: Array) -> Array:
         """Return (s, 2) ξ on both halves of every segment from its values (m,) at the nodes."""
-        unknowns = self.line.unknowns
-        nearest_unknown = np.where(unknowns < 0, unknowns[:, ::-1], unknowns)
-        return np.asarray(xi[nearest_unknown])
+        return _halves(self.line.unknowns, xi)
+
+    def norm_along_openings(self, parts: list[Array]) -> float:
+        """Return the L² norm along the segments that may lift off, as `distance`."""
+        assert self.opening is not None
+        which = self.opening.which
+        return line_norms(self.line.ends[which], self.normals[which], parts)[0]
 
     def distance(
         self, parts: list[Array], function: LineFunction | None = None
@@ -146,6 +176,12 @@ class SolvedLevel:
         parts: v at the Gauss points of equal parts of every segment
         """
         return line_norms(self.line.ends, self.normals, parts, function)
+
+
+def _halves(unknowns: NDArray[np.intp], xi: Array) -> Array:
+    """Return (s, 2) tractions on both halves of segments from those (m,) of unknowns (s, 2)."""
+    nearest_unknown = np.where(unknowns < 0, unknowns[:, ::-1], unknowns)
+    return np.asarray(xi[nearest_unknown])
 
 
 def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel]:
@@ -161,7 +197,7 @@ def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel
         if stage.level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
         level = stage.level
-        say(f"level {number}: {level.frames.n_dof} DOFs, {level.line.m} contact DOFs")
+        say(f"level {number}: {level.frames.n_dof} DOFs, {level.m} contact DOFs")
         solutions = dict[Key, Solution]()
         for block in stage.blocks:
             for row in range(len(block)):
@@ -222,14 +258,34 @@ def _recorded(study: Study, level: Level, block: BlockRecord, row: int) -> Solut
     for name, values in block.numbers.items():
         if values.ndim == 1:
             numbers[name] = float(values[row])
-    return Solution(
+    solution = Solution(
         status=PointStatus(int(block.status[row])),
         reason=block.reasons.get(row, ""),
         parts=tuple(fields[name] for name in ("u_x", "u_y", "theta") if name in fields),
         v=v,
         xi=xi,
-        sticks=level.law(scene).sticking(v),
+        sticks=np.empty(0, dtype=bool),
         numbers=numbers,
+    )
+    if level.opening is None:
+        return replace(solution, sticks=level.law(scene).sticking(v))
+    return _with_openings(solution, block, row)
+
+
+def _with_openings(solution: Solution, block: BlockRecord, row: int) -> Solution:
+    """Return the solution with its openings and its states, which the block has."""
+    if not len(solution.v):
+        return solution
+    assert block.opening is not None
+    assert block.S_N is not None
+    assert block.sticks is not None
+    assert block.rests_N is not None
+    return replace(
+        solution,
+        sticks=block.sticks[row] == 1,
+        opening=block.opening[row],
+        S_N=block.S_N[row],
+        closed=block.rests_N[row] == 1,
     )
 
 
@@ -301,6 +357,8 @@ class _Places:
     ends:       values of the P1 functions at both ends of the fine segments
     halves:     (s, 2) contact node of both halves of the fine segments
     same_nodes: (m,) fine contact node at each coarse one; None where meshes are not nested
+    halves_N:   (s_N, 2) opening of both halves of the fine segments that may lift off, if any do
+    same_nodes_N: (k,) fine opening at each coarse one, likewise
     """
 
     triangle: NDArray[np.intp]
@@ -308,6 +366,8 @@ class _Places:
     ends: csr_array
     halves: NDArray[np.intp]
     same_nodes: NDArray[np.intp] | None
+    halves_N: NDArray[np.intp] | None = None
+    same_nodes_N: NDArray[np.intp] | None = None
 
 
 class FineReference:
@@ -344,6 +404,9 @@ class FineReference:
                 _largest(fine_solution.xi),
             )
             errors |= _nodal_errors(level, solution, here)
+        if places.halves_N is not None:
+            errors |= self._opening_errors(level, solution, fine_solution, places)
+            errors = _without_rounding(errors)
         numbers = {name: fine_solution.numbers[name] for name in ("energy", "friction_resultant")}
         errors |= _number_errors(solution, numbers)
         return _without_vanishing_friction(errors, scene)
@@ -390,6 +453,37 @@ class FineReference:
             "u_T_max": (_largest(u_T - fine_u_T), _largest(fine_u_T)),
         }
 
+    def _opening_errors(
+        self, level: SolvedLevel, solution: Solution, fine_solution: Solution, places: _Places
+    ) -> Errors:
+        """Return errors and norms of openings and their tractions."""
+        fine = self._fine
+        assert level.opening is not None
+        assert fine.opening is not None
+        ends = ((places.ends @ part).reshape(-1, 2) for part in solution.parts)
+        fine_ends = (part[fine.line.segments] for part in fine_solution.parts)
+        fine_s_N = fine.openings(*fine_ends)
+        s_N_error = fine.openings(*ends) - fine_s_N
+        fine_S_N = _halves(fine.opening.unknowns, fine_solution.S_N)
+        S_N_error = solution.S_N[places.halves_N] - fine_S_N
+        norm = fine.norm_along_openings
+        errors: Errors = {
+            "opening_L2": (norm(linear(s_N_error)), norm(linear(fine_s_N))),
+            "S_N_L2": (norm(steps(S_N_error)), norm(steps(fine_S_N))),
+            "opening_max": (_largest(s_N_error), _largest(fine_s_N)),
+        }
+        if places.same_nodes_N is not None:
+            here = _NodalReference(
+                fine_solution.opening[places.same_nodes_N],
+                fine_solution.S_N[places.same_nodes_N],
+                _largest(fine_solution.opening),
+                _largest(fine_solution.S_N),
+            )
+            at_nodes = _errors_at_nodes(level.opening.c, solution.opening, solution.S_N, here)
+            names = ("opening_max", "S_N_nodes", "S_N_max")
+            errors |= dict(zip(names, at_nodes, strict=True))
+        return errors
+
     def _located(self, level: SolvedLevel) -> _Places:
         """Return where the fine mesh lies in that of a level, found once."""
         key = id(level.mesh)
@@ -399,35 +493,85 @@ class FineReference:
 
     def _locate(self, level: SolvedLevel) -> _Places:
         fine_line = self._fine.line
+        fine_opening = self._fine.opening
         triangle, weights = located(level.mesh, self._fine.mesh.centres)
         same_nodes = None
         if self._nested:
             _, same_nodes = cKDTree(fine_line.xy).query(level.line.xy)
+        halves_N = None
+        same_nodes_N = None
+        if fine_opening is not None and level.opening is not None:
+            halves_N = self._openings_of_halves(level)
+            if self._nested:
+                same_nodes_N = _same_openings(fine_opening, level.opening)
         return _Places(
             triangle=triangle,
             weights=weights,
             ends=interpolation(level.mesh, fine_line.ends.reshape(-1, 2)),
             halves=self._nodes_of_halves(level),
             same_nodes=same_nodes,
+            halves_N=halves_N,
+            same_nodes_N=same_nodes_N,
         )
 
     def _nodes_of_halves(self, level: SolvedLevel) -> NDArray[np.intp]:
-        """Return (s, 2) the contact node of a level nearest to each half of the fine segments.
+        """Return (s, 2) the contact node of a level nearest to each half of the fine segments."""
+        fine = self._fine
+        return _nearest_by_curve(
+            (fine.line.ends, fine.curves), level.line.unknowns, level.curves, level.line.xy
+        )
 
-        It is looked up by curve, not by edge: one edge may be both sides of a slot thinner than a
-        cell.
-        """
-        a, b = np.moveaxis(self._fine.line.ends, 1, 0)
-        middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
-        fine_curves = self._fine.curves
-        nodes = np.empty(middles.shape[:2], dtype=np.intp)
-        for curve in np.unique(fine_curves):
-            on_curve = level.line.segments[level.curves == curve]
-            candidates = np.flatnonzero(np.isin(level.line.nodes, on_curve))
-            is_here = fine_curves == curve
-            _, nearest = cKDTree(level.line.xy[candidates]).query(middles[is_here])
-            nodes[is_here] = candidates[nearest]
-        return nodes
+    def _openings_of_halves(self, level: SolvedLevel) -> NDArray[np.intp]:
+        """Return (s, 2) the opening of a level nearest to each half of the fine segments."""
+        fine = self._fine
+        assert level.opening is not None
+        assert fine.opening is not None
+        which = fine.opening.which
+        curves = level.curves[level.opening.which]
+        return _nearest_by_curve(
+            (fine.line.ends[which], fine.curves[which]),
+            level.opening.unknowns,
+            curves,
+            level.opening.xy,
+        )
+
+
+def _nearest_by_curve(
+    fine: tuple[Array, NDArray[np.intp]],
+    unknowns: NDArray[np.intp],
+    curves: NDArray[np.intp],
+    xy: Array,
+) -> NDArray[np.intp]:
+    """Return (s, 2) the unknown of a level nearest to each half of fine segments.
+
+    It is looked up by curve, not by edge: one edge may be both sides of a slot thinner than a cell.
+
+    fine:     ends (s, 2, 2) and curves (s,) of the fine segments
+    unknowns: (t, 2) of the level at the ends of its segments, −1 where held;  curves: (t,)
+    xy:       (m, 2) places of the unknowns
+    """
+    fine_ends, fine_curves = fine
+    a, b = np.moveaxis(fine_ends, 1, 0)
+    middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
+    nodes = np.empty(middles.shape[:2], dtype=np.intp)
+    for curve in np.unique(fine_curves):
+        on_curve = np.unique(unknowns[curves == curve])
+        candidates = on_curve[on_curve >= 0]
+        is_here = fine_curves == curve
+        _, nearest = cKDTree(xy[candidates]).query(middles[is_here])
+        nodes[is_here] = candidates[nearest]
+    return nodes
+
+
+def _same_openings(fine: OpeningLine, coarse: OpeningLine) -> NDArray[np.intp]:
+    """Return (k,) the fine opening at each coarse one; both edges of a corner have their own."""
+    same = np.empty(coarse.m, dtype=np.intp)
+    for edge in np.unique(coarse.edge):
+        candidates = np.flatnonzero(fine.edge == edge)
+        is_here = coarse.edge == edge
+        _, nearest = cKDTree(fine.xy[candidates]).query(coarse.xy[is_here])
+        same[is_here] = candidates[nearest]
+    return same
 
 
 Reference = ExactReference | FineReference
@@ -440,6 +584,17 @@ def _number_errors(solution: Solution, numbers: Mapping[str, float]) -> Errors:
         if math.isfinite(value):
             errors[name] = abs(solution.numbers.get(name, math.nan) - value), abs(value)
     return errors
+
+
+def _without_rounding(errors: Errors) -> Errors:
+    """Leave out slips that are rounding beside openings, and the other way round."""
+    _, u_T = errors["u_T_max"]
+    _, s_N = errors["opening_max"]
+    noise = SLIP_ROUNDING * max(u_T, s_N)
+    rounding = tuple(
+        name for name, largest in (("u_T_", u_T), ("opening_", s_N)) if largest <= noise
+    )
+    return {name: pair for name, pair in errors.items() if not name.startswith(rounding)}
 
 
 def _without_vanishing_friction(errors: Errors, scene: Scene) -> Errors:
@@ -462,15 +617,22 @@ class _NodalReference:
 
 def _nodal_errors(level: SolvedLevel, solution: Solution, reference: _NodalReference) -> Errors:
     """Return errors and norms at the contact nodes of a level."""
-    xi_difference = solution.xi - reference.xi
-    c = level.line.c
+    at_nodes = _errors_at_nodes(level.line.c, solution.v, solution.xi, reference)
+    return dict(zip(("u_T_max", "xi_nodes", "xi_max"), at_nodes, strict=True))
+
+
+def _errors_at_nodes(
+    c: Array, v: Array, xi: Array, reference: _NodalReference
+) -> tuple[tuple[float, float], ...]:
+    """Return errors and norms: of displacements the largest, of tractions by c and the largest."""
+    xi_difference = xi - reference.xi
     xi_error = float(np.sqrt(c @ xi_difference**2))
     xi_norm = float(np.sqrt(c @ reference.xi**2))
-    return {
-        "u_T_max": (_largest(solution.v - reference.u_T), reference.max_u_T),
-        "xi_nodes": (xi_error, xi_norm),
-        "xi_max": (_largest(xi_difference), reference.max_xi),
-    }
+    return (
+        (_largest(v - reference.u_T), reference.max_u_T),
+        (xi_error, xi_norm),
+        (_largest(xi_difference), reference.max_xi),
+    )
 
 
 def _largest(values: Array) -> float:

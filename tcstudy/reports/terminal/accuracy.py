@@ -51,6 +51,8 @@ GROUPS = {
     "u": "displacement",
     "u_T": "tangential displacement on Γ_C",
     "ξ": "friction traction on Γ_C",
+    "s_N": "opening of Γ_C",
+    "S_N": "normal traction of openings",
 }
 """Quantities whose errors share a panel of the plot, by the symbol of the error up to the norm."""
 SYMBOLS = {measure.name: measure.symbol for measure in (*ERRORS, *MEASURES)}
@@ -144,9 +146,11 @@ def _finest_errors(data: Any) -> str:
 
 def _limit_words(data: Any) -> list[str]:
     """Return the limits of one point, or how well those of several points are known."""
-    if "limit_energy" not in data:
+    # friction that follows the pressure has no energy
+    names = [f"limit_{m.name}" for m in NUMBERS if f"limit_{m.name}" in data]
+    if not names:
         return []
-    if not np.isfinite(data["limit_energy"]).any():
+    if not np.isfinite(data[names[0]]).any():
         return [f"no limits h → 0: they need {LIMIT_LEVELS} solved levels"]
     limits = list[str]()
     for measure in NUMBERS:
