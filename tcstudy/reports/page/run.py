@@ -20,6 +20,7 @@ from tcstudy.data.reading import asked, axis_names, by_point, sweep_dims
 from tcstudy.data.schema import MISSING_COUNT, STICKS, PointStatus
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import knows_pressure
 from tcstudy.reports.figures.body import boundary_edges, exaggeration
 from tcstudy.reports.figures.point import CURVE, JUMPS, slip_range
 from tcstudy.reports.figures.sweep import has_equal_ratios
@@ -35,6 +36,8 @@ from tcstudy.reports.picture import (
     ends_held,
     named_edges,
     nearest,
+    opening_line,
+    opening_states,
     sources,
     states_of,
 )
@@ -42,6 +45,7 @@ from tcstudy.reports.select_point import numbers_of
 from tcstudy.reports.sentences import several
 from tcstudy.reports.text import LAMBDA_1_TOLERANCE, named, study_unit
 from tcstudy.scene.points import combinations
+from tcstudy.scene.records import Scene
 
 MAX_DOUBLE_BYTES = 300_000
 """Size of all numbers up to which the page has all digits; beyond, seven (the energy has all)."""
@@ -296,11 +300,76 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
     is_sticking = by_point(group["sticks"], stored.data) == STICKS
     states = _states(stored, group, u_T, slice(None), is_sticking)
     line["state"] = box.array(states, "i1")
+    if "opening" in group:
+        line["openings"] = _openings_part(stored, group, rows, box)
     if "held_u_T" in group:
         line["held_u_T"] = box.rows(by_point(group["held_u_T"], stored.data))
     if "solution_u_T" in group and stored.selection is None:
         line["every"] = _equilibria(stored, level, box)
     return line
+
+
+def _openings_part(stored: Stored, group: Any, rows: Callable[[Any], Any], box: Container) -> Json:
+    """Return the nodes that may open as a line, with openings as u_T, S_N as ξ and their states.
+
+    `rows` returns the (P, k) values of a variable.
+    """
+    line = opening_line(group)
+    names = [line.edge_names[index] for index in np.unique(line.edge)]
+    page_line: Json = {
+        name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")
+    }
+    page_line["edges"] = list(line.edge_names)
+    page_line["edge"] = box.array(line.edge, "i1")
+    page_line["opens"] = names
+    page_line["parts"] = [_line_piece(line, part, (-1, -1), box) for part in line.parts]
+    opening, rests = rows(group["opening"]), by_point(group["rests_N"], stored.data) == STICKS
+    page_line["u_T"], page_line["u_T_units"] = box.rows(opening), line.length_units
+    page_line["xi"], page_line["xi_units"] = box.rows(rows(group["S_N"])), line.traction_units
+    states = _normal_states(stored, group, opening, slice(None), rests)
+    page_line["state"] = box.array(states, "i1")
+    return page_line
+
+
+def _normal_states(stored: Stored, group: Any, s_N: Any, points: Any, rests: Any) -> Any:
+    """Return (R, k) the NormalState of every node of solutions of points, or NO_SOLUTION."""
+    is_solved = np.isfinite(s_N).all(axis=1)
+    states = opening_states(None, group, s_N, rests)
+    scenes, scene_of_point = _adhesions_of(stored)
+    for number, scene in enumerate(scenes):
+        chosen = np.flatnonzero(is_solved & (scene_of_point[points] == number))
+        states[chosen] = opening_states(scene, group, s_N[chosen], rests[chosen])
+    states[~is_solved] = NO_SOLUTION
+    return states
+
+
+def _adhesions_of(stored: Stored) -> tuple[list[Scene], NDArray[np.intp]]:
+    """Return scenes with the different adhesions of a study, and the index of every point's."""
+    if stored.study is None or not stored.has_scenes:
+        return [], np.empty(0, dtype=np.intp)
+    scenes, scene_of_point = combinations(stored.study.scenes, "adhesion")
+    if stored.selection is not None:
+        scene_of_point = scene_of_point[stored.selection]
+    return list(scenes), scene_of_point
+
+
+def _opening_law_part(stored: Stored) -> Json | None:
+    """Return the laws of bonds that may open, their edges, and their indices for every point."""
+    scenes, scene_of_point = _adhesions_of(stored)
+    if not scenes or not scenes[0].adhesive_edges:
+        return None
+    edges = scenes[0].adhesive_edges
+    numbers = dict[Laws, int]()
+    indices = []
+    for scene in scenes:
+        of_edge = {edge: law for edge, law, _ in scene.opening_laws.laws}
+        indices.append([numbers.setdefault(of_edge[edge], len(numbers)) for edge in edges])
+    laws = [drawn_law(law) | {"closed": bool(np.all(law.is_closed))} for law in numbers]
+    return {
+        "laws": laws,
+        "index": [indices[number] for number in scene_of_point],
+        "edges": list(edges),
+    }
 
 
 def _equilibria(stored: Stored, level: int, box: Container) -> Json:
@@ -310,7 +379,17 @@ def _equilibria(stored: Stored, level: int, box: Container) -> Json:
     point_count = stored.data["status"][..., -1].size
     first_of_point = np.searchsorted(point, np.arange(point_count + 1))
     states = _states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool))
-    return {
+    openings: Json = {}
+    if "solution_opening" in group:
+        opening = group["solution_opening"].values
+        S_N = group["solution_S_N"].values
+        rests = np.zeros(opening.shape, dtype=bool)
+        openings = {
+            "openings_u_T": box.rows(stored.floors.cleared("opening", opening, level, point)),
+            "openings_xi": box.rows(stored.floors.cleared("S_N", S_N, level, point)),
+            "openings_state": box.array(_normal_states(stored, group, opening, point, rests), "i1"),
+        }
+    return openings | {
         "first": box.array(first_of_point, "i4"),
         "energy": box.array(group["solution_energy"].values),
         "stable": box.array(group["solution_stable"].values, "i1"),
@@ -443,11 +522,17 @@ def law_part(stored: Stored) -> Json | None:
     for friction in frictions:
         laws = [law for _, law, _ in edge_laws(friction)]
         indices.append([numbers.setdefault(law, len(numbers)) for law in laws])
-    return {
+    part: Json = {
         "laws": [drawn_law(law) for law in numbers],
         "index": [indices[number] for number in friction_of_point],
         "edges": [edge for edge, _, _ in edge_laws(frictions[0])],
     }
+    assert stored.study is not None
+    if stored.study.opens:
+        for law, drawn in zip(numbers, part["laws"], strict=True):
+            drawn |= {"vanishes": law.vanishes, "coefficient": knows_pressure(law)}
+        part |= {"pressed": stored.study.knows_pressure, "openings": _opening_law_part(stored)}
+    return part
 
 
 @dataclass(frozen=True)

@@ -348,6 +348,8 @@ SCRIPTS = (
     "live",
     "main",
 )
+OPENINGS_SCRIPT = "openings"
+"""Beside SCRIPTS, before the last one, on pages of contact that may open."""
 
 AIM = 1_900_000
 """Bytes that a page should not exceed: it still travels by mail and opens at once on a phone."""
@@ -467,7 +469,8 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
             "<!--verdict-->": _verdict_rows(verdict),
             "<!--warnings-->": "".join(map(_warning, remarks)),
             "<!--data-->": box.packed(header),
-        }
+        },
+        opens="opening_max" in stored.data,
     )
 
 
@@ -475,8 +478,10 @@ def _warning(text: str) -> str:
     return f'<p class="warning">Warning: {html.escape(in_sentences(text))}</p>\n'
 
 
-def _filled(texts: Mapping[str, str]) -> str:
+def _filled(texts: Mapping[str, str], opens: bool) -> str:
     """Return the shell of the page with texts, style and scripts in place of their marks.
+
+    opens: whether contact may open, which needs a script of its own
 
     All marks are replaced in one pass, so that a mark within a text stays what it is. The policy of
     the page allows the one script that has its hash.
@@ -486,7 +491,8 @@ def _filled(texts: Mapping[str, str]) -> str:
     def asset(name: str) -> str:
         return (assets / name).read_text(encoding="utf-8")
 
-    scripts = "\n".join(asset(f"{name}.js") for name in SCRIPTS)
+    names = (*SCRIPTS[:-1], OPENINGS_SCRIPT, SCRIPTS[-1]) if opens else SCRIPTS
+    scripts = "\n".join(asset(f"{name}.js") for name in names)
     script = '\n"use strict";\n' + scripts.replace("</script", "<\\/script") + "\n"
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     marks = {

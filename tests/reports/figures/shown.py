@@ -94,6 +94,7 @@ def example_laws() -> tuple[Laws, ...]:
         "exponential": {"a": 1.0, "b": 0.3, "delta": 0.5},
         "saw-tooth": {"tau": 1.0, "delta": 0.5, "teeth": 3, "drop": 0.6, "decay": 0.8},
         "piecewise-linear": {"points": [(0.0, 0.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.4)]},
+        "coulomb": {"mu_s": 1.0, "mu_k": 0.4, "delta": 1.0},
         "linear": {"k": 0.5},
         "elastic-plastic": {"tau": 1.0, "s0": 0.3},
         "bilinear": {"tau": 1.0, "s0": 0.3, "sf": 1.2},

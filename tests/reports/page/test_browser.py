@@ -392,3 +392,25 @@ def test_answers_agree_with_tcstudy(browser: Browser, tmp_path: Path) -> None:
         assert answer["residual"] <= AGREEMENT
     assert solved >= SETTINGS // 5
     assert browser.complaints() == []
+
+
+# -- contact that may open
+
+
+@pytest.mark.parametrize(
+    ("name", "headings"),
+    [
+        ("curl", ["Gap to the foundation", "Slip and friction along base"]),
+        ("arm", ["Gap to the foundation", "Law of the opening of bond"]),
+        ("pressed", ["Gap to the foundation", "Friction law (coulomb)"]),
+    ],
+)
+def test_pages_of_openings_show_gaps_normal_stresses_and_laws(
+    browser: Browser, stored: Stored, name: str, headings: list[str]
+) -> None:
+    page = shown(browser, stored(name))
+    point = text_of(page, "#point")
+    assert all(heading in point for heading in headings)
+    gap = '#point svg[aria-label="opening along the contact line"] path'
+    assert page.run(f"return document.querySelectorAll('{gap}').length") > 0
+    assert page.complaints() == []

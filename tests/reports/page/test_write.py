@@ -285,3 +285,29 @@ def test_its_pieces_are_the_law() -> None:
         ("linear", {"k": 5e9}),
     ):  # without a length of their own
         assert drawn_law(SHAPES[name].build(**parameters))["reach"] == 0.0
+
+
+# -- contact that may open
+
+
+def test_openings_are_data_of_the_page_and_their_script_is_on_their_pages_alone(
+    stored: Stored,
+) -> None:
+    pages = {}
+    for name in ("arm", "single"):
+        path = stored(name)
+        pages[name] = write_page(path, path.with_suffix(".html")).path
+    assert "TC.openings" in pages["arm"].read_text(encoding="utf-8")
+    assert "TC.openings" not in pages["single"].read_text(encoding="utf-8")
+    page = data_of(pages["arm"])
+    openings = page["lines"]["0"]["openings"]
+    with xr.open_datatree(stored("arm")) as tree:
+        level = tree["level_0"].dataset.load()
+    largest = float(np.abs(level["S_N"]).max())
+    np.testing.assert_allclose(
+        values_of(openings["u_T"])[0], level["opening"], atol=1e-4 * float(level["opening"].max())
+    )
+    np.testing.assert_allclose(values_of(openings["xi"])[0], level["S_N"], atol=1e-4 * largest)
+    law = page["laws"]["openings"]
+    assert (law["edges"], law["index"], law["laws"][0]["closed"]) == (["bond"], [[0]], True)
+    assert "openings" not in data_of(pages["single"])["lines"]["0"]
