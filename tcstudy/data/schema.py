@@ -873,7 +873,7 @@ OPENING_QUANTITIES = {
 }
 """The same of studies with edges that may lift off, beside the others."""
 STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
-"""Differentiated quantities of the steps of a history."""
+"""Differentiated quantities of the steps of a history, without those of openings."""
 
 
 def requested_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -909,12 +909,17 @@ def line_variables(study: Study) -> tuple[FileVariable, ...]:
     return tuple(variables)
 
 
+def step_quantities(study: Study) -> tuple[str, ...]:
+    """Return the differentiated quantities of the steps of this study's history."""
+    return (*STEP_QUANTITIES, *OPENING_QUANTITIES) if study.opens else STEP_QUANTITIES
+
+
 def step_variables(study: Study) -> tuple[FileVariable, ...]:
     """Return the variables that this study asks for of every step of its history."""
     without_slopes = replace(study, output=replace(study.output, sensitivity=()))
     variables = (*requested_variables(without_slopes), *line_variables(study))
     dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
-    slopes = derivatives(study.output.sensitivity, STEP_QUANTITIES, (SWEEP, "step"))
+    slopes = derivatives(study.output.sensitivity, step_quantities(study), (SWEEP, "step"))
     return (*(replace(v, dims=dims[v.dims]) for v in variables), *slopes)
 
 

@@ -355,6 +355,35 @@ NODES: tuple[FileVariable, ...] = (
     replace(_of_node("jumped", "1", "moved by a jump"), dtype="i1", no_value=-1),
 )
 """Variables of a history by step and node."""
+
+
+def _of_opening(variable: FileVariable, name: str, long_name: str) -> FileVariable:
+    """Return a variable by step and node as one of the nodes that may lift off."""
+    coordinates = {"coordinates": "cycle opening_arclength opening_x opening_y"}
+    return replace(
+        variable,
+        name=name,
+        long_name=long_name,
+        dims=(SWEEP, "step", "opening_node"),
+        extra={**variable.extra, **coordinates},
+    )
+
+
+_NODE = {v.name: v for v in NODES}
+_ACROSS: tuple[FileVariable, ...] = (
+    _of_opening(_NODE["u_T"], "opening", "opening -u_N"),
+    _of_opening(_NODE["xi"], "S_N", "normal traction S_N"),
+    _of_opening(_NODE["kappa"], "kappa_N", "largest opening kappa"),
+    _of_opening(
+        *(
+            _NODE["dissipation"],
+            "dissipation_N",
+            "energy dissipated by opening in the step, by area",
+        )
+    ),
+    _of_opening(_NODE["jumped"], "jumped_N", "opened or closed by a jump"),
+)
+"""Variables of a history by step and node that may lift off."""
 _LOOSE = "0 where only friction restrains rigid-body motion"
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
@@ -723,18 +752,21 @@ def history_variables(study: Study) -> tuple[FileVariable, ...]:
     absent = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
     if study.history.memory.stiffness is None:
         absent.add("plastic")
-    if "debonded_length" in absent:
+    if "debonded_length" in absent and not study.opens:
         absent |= {"debonded_from", "debonded_to"}
     if study.history.branch != "continued":
         absent.add("jumped")
-    variables = (v for v in HISTORY if v.name not in absent)
+    variables = [v for v in HISTORY if v.name not in absent]
+    if study.opens:
+        variables += [replace(v, dims=_AT_STEP) for v in opening_variables(study)]
+        variables += [v for v in _ACROSS if v.name.removesuffix("_N") not in absent]
     return (*variables, *step_variables(study))
 
 
 @cache
 def _history_names() -> frozenset[str]:
     """Return the names of variables and dimensions in files of a history."""
-    tables = (*HISTORY, *MESH_LEVEL, *LINE)
+    tables = (*HISTORY, *_ACROSS, *MESH_LEVEL, *LINE, *OPENING_LINE)
     names = {name for variable in tables for name in (variable.name, *variable.dims)}
     return frozenset(names | {"step", "step_name", "cycle", "level", "live", "mesh"})
 
@@ -835,7 +867,8 @@ def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]
     count = plan.steps + 1
     shapes: dict[str, tuple[int, ...]] = {
         "step": (points, count),
-        "node": (points, count, line.n_contact),
+        "node": (points, count, len(line.arclength)),
+        "opening_node": (points, count, len(line.fields.get("opening_x", ()))),
     }
     variables = history_variables(study)
     values = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in variables}
@@ -849,7 +882,8 @@ def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]
     loads = load_variables(study)
     load_names = (variable.name for variable, _ in loads if variable.dtype == "f8")
     attributes = {"memory": plan.memory.words, "branch": plan.branch, "loads": " ".join(load_names)}
-    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *variables)
+    load_coordinates = (variable for variable, _ in loads)
+    table = (*LINE, *OPENING_LINE, *MESH_LEVEL, *JOINTS, *load_coordinates, *variables)
     coordinates = {variable.name: labels for variable, labels in loads}
     all_values = {**vars(line), **line.fields, **coordinates, **values}
     return Record("history", table, all_values, attributes)

@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.energy_error import own_strain, stress_of
-from tcstudy.fem.forms import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level, mechanical_terms
@@ -127,35 +126,53 @@ def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str,
     return results
 
 
-def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, float]:
+def debonded_front(level: Level, law: Laws, kappa: Array) -> dict[str, float]:
     """Return the arclengths `debonded_from` and `debonded_to` of the debonded part of a bond [m].
 
-    They are NaN where nothing is debonded; the dictionary is empty for a law without such a branch.
+    It is debonded where the slip or the opening is, from the first such place to the last. They are
+    NaN where nothing is debonded; the dictionary is empty for laws without such a branch.
 
-    kappa: (m,) largest slips of the nodes so far, linear between them [m]
+    law:   of all unknowns
+    kappa: (m,) largest slips and openings so far, linear between nodes [m]
     """
     table = law.tables
-    m = line.m
     debonded = (table.regions == DEBONDED) & (table.lower >= 0.0)
     if not np.any(debonded):
         return {}
     limit = np.min(np.where(debonded, table.lower, np.inf), axis=1)
-    beyond = kappa - limit[law.node_index(m)]
-    nodes = np.flatnonzero(beyond >= 0.0)
-    x = line.arclength
-    if not len(nodes):
+    beyond_of_slips, beyond_of_openings = level.split(kappa - limit[law.node_index(level.m)])
+    line = level.line
+    length = float(line.lengths.sum())
+    fronts = [_front(beyond_of_slips, line.arclength, (0.0, length))]
+    opening = level.opening
+    if opening is not None:
+        starts = np.cumsum(line.lengths) - line.lengths
+        begin = float(starts[opening.which[0]])
+        end = float((starts + line.lengths)[opening.which[-1]])
+        fronts.append(_front(beyond_of_openings, opening.arclength, (begin, end)))
+    begins, ends = np.array([front for front in fronts if front]).reshape(-1, 2).T
+    if not len(begins):
         return {"debonded_from": np.nan, "debonded_to": np.nan}
+    return {"debonded_from": float(begins.min()), "debonded_to": float(ends.max())}
+
+
+def _front(beyond: Array, x: Array, line_ends: tuple[float, float]) -> tuple[float, ...]:
+    """Return the arclengths of the first and the last place at or above 0, () without any [m].
+
+    beyond: (k,) values at the nodes x (k,), linear between them;  line_ends: of the line [m]
+    """
+    nodes = np.flatnonzero(beyond >= 0.0)
+    if not len(nodes):
+        return ()
 
     def front(node: int, neighbour: int, line_end: float) -> float:
-        if not 0 <= neighbour < m:
+        if not 0 <= neighbour < len(x):
             return line_end
         share = beyond[node] / (beyond[node] - beyond[neighbour])
         return float(x[node] + share * (x[neighbour] - x[node]))
 
-    return {
-        "debonded_from": front(nodes[0], nodes[0] - 1, 0.0),
-        "debonded_to": front(nodes[-1], nodes[-1] + 1, float(line.lengths.sum())),
-    }
+    begin, end = line_ends
+    return front(nodes[0], nodes[0] - 1, begin), front(nodes[-1], nodes[-1] + 1, end)
 
 
 STRAIGHT = 1e-9

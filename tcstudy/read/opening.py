@@ -8,7 +8,7 @@ is refused here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,8 +109,8 @@ def check_opening(
     """
     faults = [*_of_proofs(root, mesh)]
     if any(scene.opens for scene in scenes[:1]):
-        faults += _of_requests(root, output)
-        if history is not None and "history" not in UNKNOWN:
+        faults += _of_requests(output)
+        if history is not None:
             faults += _of_memory(history.memory, scenes[0])
     for keys, fault, remedy in faults:
         ctx.at(root.nearest(*keys), fault, remedy)
@@ -133,11 +133,8 @@ def _of_proofs(root: Node, mesh: MeshPlan | None) -> Iterator[Fault]:
 BILATERAL = "bilateral contact, and an edge is not held along its normal here"
 
 
-def _of_requests(root: Node, output: OutputPlan | None) -> Iterator[Fault]:
+def _of_requests(output: OutputPlan | None) -> Iterator[Fault]:
     """Yield what is asked of solutions and is not known of edges that open."""
-    for key, reason in UNKNOWN.items():
-        if root.at(*key.split(".")) is not None:
-            yield tuple(key.split(".")), f"{reason} where an edge may open", f"remove {key}"
     if output is not None and output.live:
         fault = "a live page solves for the slip alone, and an edge may open"
         yield ("output", "live"), fault, "remove live: true"
@@ -153,9 +150,3 @@ def _of_memory(memory: Memory, scene: Scene) -> Iterator[Fault]:
             if len(scene.edges(Contact)) > 1:
                 remedy = f"write memory: {{{edge}: damage, ...}}"
             yield ("history", "memory"), fault, remedy
-
-
-UNKNOWN: Mapping[str, str] = {
-    "history": "no history is followed",
-}
-"""Sections that a study with edges that open cannot have yet, with the reason."""

@@ -46,13 +46,14 @@ from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
 from tcstudy.data.reading import stored_steps
 from tcstudy.data.records import BlockRecord, Journal, remove_finished
-from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, PointStatus, name_of
+from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, PointStatus, name_of, step_quantities
 from tcstudy.data.schema import SENSITIVITY_STATUS as SLOPES_STATUS
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import history_record, step_record
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors.processes import in_order
 from tcstudy.laws.composed import row_laws
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
@@ -209,7 +210,7 @@ def _steps(
     They are found here, or all of a point at once by a worker, which makes the level itself.
     """
     points = [point for point, step in enumerate(last_steps) if _is_unfinished(study, step)]
-    resources = history_resources(study, level.frames.n_dof, level.line.m)
+    resources = history_resources(study, level.frames.n_dof, level.m)
     executor = pool.executor_of_calls([resources] * len(points), seconds_of_level)
     if executor is None:
         for point in points:
@@ -287,8 +288,8 @@ def _follow(
         previous_v = np.zeros(problem.body.m)
         if last_step is not None:
             first = last_step.level + 1
-            previous_v = last_step.numbers["u_T"][0]
             start = _start_of(last_step, loads[last_step.level])
+            previous_v = start.v
         derivatives: Iterator[dict[str, float]] = iter(())
         if study.output.sensitivity:
             derivatives = islice(step_derivatives(study, level, scene, point), first, None)
@@ -305,11 +306,24 @@ def _follow(
         yield _failed_step(study, point, last_step, error)
 
 
+OF_UNKNOWNS = {
+    "v": ("u_T", "opening"),
+    "xi": ("xi", "S_N"),
+    **{name: (name, f"{name}_N") for name in ("kappa", "dissipation", "jumped", "plastic")},
+}
+"""Values of a step by unknown, with the names of those of slips and of openings in the file."""
+
+
 def _start_of(record: BlockRecord, load: Array) -> HistoryStep:
     """Return a finished step as the next one needs it."""
-    stored = {name: row[0] for name, row in record.numbers.items() if name in STEP_FIELDS}
-    v = record.numbers["u_T"][0]
-    return HistoryStep(**{"v": v, "load": load, "plastic": 0.0 * v} | stored)
+    numbers = {name: row[0] for name, row in record.numbers.items()}
+    stored = {name: value for name, value in numbers.items() if name in STEP_FIELDS}
+    m = len(load)
+    for name, (of_slips, of_openings) in OF_UNKNOWNS.items():
+        if of_slips in numbers:
+            openings = numbers.get(of_openings, np.zeros(m - len(numbers[of_slips])))
+            stored[name] = np.append(numbers[of_slips], openings)
+    return HistoryStep(**{"load": load, "plastic": np.zeros(m)} | stored)
 
 
 class _StepResults:
@@ -321,6 +335,7 @@ class _StepResults:
         self._scene = scene
         self._problem = problem
         self._laws = row_laws([problem.model.law], np.ones(1))
+        self._slip_laws = self._laws.at(level.split(self._laws.index)[0])
         n_held = np.count_nonzero(level.line.unknowns < 0)
         self._held = np.full((1, n_held), np.nan)
         self._outputs: RequestedOutputs | None = None
@@ -334,32 +349,61 @@ class _StepResults:
     def values(self, number: int, step: HistoryStep, previous_v: Array) -> dict[str, Any]:
         """Return the values of a step by variable name.
 
-        previous_v: (m,) slips of the step before
+        previous_v: (m,) slips and openings of the step before
         """
+        level = self._level
         body = self._problem.body
-        law = self._problem.model.law
-        slip = np.abs(step.v)
-        size = max(slip.max(initial=0.0), np.max(np.abs(previous_v)))
-        has_moved = np.abs(step.v - previous_v) > AT_REST * size
-        lengths = region_lengths(self._level, self._laws, step.kappa[None], self._held)
         values = {
             "lambda_1": body.lambda_1,
             "lambda_1_error": body.A_error,
             "margin": self._problem.margin,
             **vars(step),
             "status": STATUS[step.status],
-            "u_T": step.v,
-            "u_T_max": np.max(slip, initial=0.0),
-            "jumped": np.broadcast_to(step.jumped, body.m),
-            "friction_resultant": body.c @ step.xi,
-            "slip_length": body.c[has_moved].sum(),
-            **{name: row[0] for name, row in lengths.items()},
-            **debonded_front(self._level.line, law, step.kappa),
         }
+        jumped = np.broadcast_to(step.jumped, body.m)
+        for name, (of_slips, of_openings) in OF_UNKNOWNS.items():
+            by_unknown = jumped if name == "jumped" else values[name]
+            values[of_slips], values[of_openings] = level.split(by_unknown)
+        values |= self._results(step, previous_v)
         if step.solved and self._outputs is not None:
             scene = loaded_scene(self._scene, self._loads[number])
             values |= self._outputs.of(scene, step.v)
         return values
+
+    def _results(self, step: HistoryStep, previous_v: Array) -> dict[str, Any]:
+        """Return results along the contact line by variable name."""
+        level = self._level
+        line = level.line
+        u_T, _ = level.split(step.v)
+        change, _ = level.split(step.v - previous_v)
+        xi, _ = level.split(step.xi)
+        kappa, _ = level.split(step.kappa)
+        largest = np.max(np.abs(u_T), initial=0.0)
+        size = max(largest, np.max(np.abs(level.split(previous_v)[0]), initial=0.0))
+        has_moved = np.abs(change) > AT_REST * size
+        lengths = region_lengths(level, self._slip_laws, kappa[None], self._held)
+        return {
+            "u_T_max": largest,
+            "friction_resultant": line.c @ xi,
+            "slip_length": line.c[has_moved].sum(),
+            **{name: row[0] for name, row in lengths.items()},
+            **debonded_front(level, self._problem.model.law, step.kappa),
+            **self._results_of_openings(step),
+        }
+
+    def _results_of_openings(self, step: HistoryStep) -> dict[str, Any]:
+        """Return results along openings; what is debonded is that at κ, in either direction."""
+        level = self._level
+        if level.opening is None:
+            return {}
+        # imported only for a study with edges that open
+        from tcstudy.offline.openings import debonded_length, numbers_of_openings
+
+        n_held = np.count_nonzero(level.opening.unknowns < 0)
+        held = self._held, np.zeros((1, n_held))
+        numbers = numbers_of_openings(level, held, self._laws, step.v[None], step.xi[None])
+        numbers["debonded_length"] = debonded_length(level, held, self._laws, step.kappa[None])
+        return {name: row[0] for name, row in numbers.items()}
 
     def reason(self, step: HistoryStep) -> str:
         """Return why a step has no solution, with the motion of a body that contact alone holds."""
@@ -382,13 +426,34 @@ def problem_of(
     if level.is_held(scene):
         lambda_1 = level.lambda_1(scene)
         body = CondensedBody.known(
-            first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=False
+            first.A_tilde,
+            first.c,
+            first.A_error,
+            level.blocks,
+            lambda_1=lambda_1,
+            loose=False,
         )
-    line = level.line
-    memory_of_node = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
-    model = MemoryModel(plan.memory, first.law, body.m, memory_of_node)
+    model = MemoryModel(plan.memory, first.law, body.m, _memory_of_unknown(plan, level, first.law))
     problem = HistoryProblem(body, model, plan.branch, tolerance)
     return problem, plan.along([station.problem.l_tilde for station in stations])
+
+
+def _memory_of_unknown(plan: HistoryPlan, level: Level, law: Laws) -> NDArray[np.str_] | None:
+    """Return the name of the memory (m,) of every unknown; None where all have one.
+
+    Where edges lift off, an opening remembers its damage, and what has no law for s > 0 nothing.
+    """
+    line = level.line
+    names = plan.memory.by_node(law, line.edge_names, line.edge, line.joints)
+    if level.opening is None:
+        return names
+    if names is None:
+        names = np.full(line.m, plan.memory.name)
+    names = np.append(names, np.full(level.opening.m, "damage"))
+    table = law.tables
+    opposes = ((table.b_0 != 0.0) | (table.q != 0.0) | table.bent) & (table.upper > 0.0)
+    has_law = np.any(opposes, axis=1)[law.node_index(level.m)]
+    return np.where(has_law, names, "none")
 
 
 def follow_steps(
@@ -431,17 +496,12 @@ def step_derivatives(
     scenery = SceneReader.of(study)
 
     def quantities(values: Mapping[Keys, float]) -> Iterator[Array] | None:
-        """Return the STEP_QUANTITIES of all solved steps with these values, None without any."""
+        """Return `_step_quantities` of all solved steps with these values, None without any."""
         try:
             steps = follow_steps(plan, level, scenery, scene, study.solver.tolerance, values, point)
         except (StudyError, ValueError, NotPositiveDefinite):
             return None
-        c = level.line.c
-        return (
-            np.array([np.max(np.abs(step.v), initial=0.0), c @ step.xi, mean])
-            for step, mean in steps
-            if step.solved
-        )
+        return (_step_quantities(level, step, mean) for step, mean in steps if step.solved)
 
     varied = dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
@@ -462,11 +522,25 @@ def step_derivatives(
         for name, (scale, histories_of_number) in varied.items():
             beside = np.array([next(steps, missing) for steps in histories_of_number])
             slopes = derivative(row, beside, scale)
-            for quantity, slope in zip(STEP_QUANTITIES, slopes.tolist(), strict=True):
+            for quantity, slope in zip(step_quantities(study), slopes.tolist(), strict=True):
                 values[name_of(quantity, name)] = slope
         if not np.all(np.isfinite(list(values.values()))):
             values[SLOPES_STATUS] = AT_EVENT
         yield values
+
+
+def _step_quantities(level: Level, step: HistoryStep, mean: float) -> Array:
+    """Return the differentiated quantities of a step (schema.step_quantities).
+
+    mean: of θ [K]
+    """
+    u_T, s_N = level.split(step.v)
+    xi, S_N = level.split(step.xi)
+    numbers = [np.max(np.abs(u_T), initial=0.0), level.line.c @ xi, mean]
+    if level.opening is not None:
+        peel_stress = np.max(S_N, initial=0.0)
+        numbers += [np.max(s_N), peel_stress, level.opening.c @ S_N]
+    return np.array(numbers)
 
 
 STEPS = (1e-4, 1e-5)
@@ -536,7 +610,7 @@ def _value_and_scale(
     value: float = dict(numbers(scene))[number.path].value  # type: ignore[assignment]
     scale = abs(value)
     if is_load(number.path):
-        body = WholeBody(level, scene, np.zeros(level.line.m))
+        body = WholeBody(level, scene, np.zeros(level.m))
         right = body.right_side(change_of(level, scene, number))
         change = np.max(np.abs(right), initial=0.0)
         if change:

@@ -14,7 +14,6 @@ from tcstudy.expressions.expression import value_of
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES, one_sided
-from tcstudy.read import opening
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.schema import schema
 from tcstudy.read.study import read_study_text
@@ -198,7 +197,6 @@ FAULTS = (
     ("mesh.estimate=true", "mesh.estimate: errors are estimated for bilateral contact", "levels"),
     ("mesh.family=adaptive", "mesh.family: errors are estimated for bilateral contact", "uniform or graded"),
     ("exact={u: [0, 0]}", "exact: an exact solution is of bilateral contact", "remove exact"),
-    (HISTORY, "history: no history is followed where an edge may open", "remove history"),
     ("output.live=true", "output.live: a live page", "remove live: true"),
 )  # fmt: skip
 
@@ -235,10 +233,7 @@ def test_edges_that_are_free_along_their_normal_take_what_knows_the_slip_alone(o
 
 
 @pytest.mark.parametrize(("memory", "fits"), [("damage", True), ("friction", False)])
-def test_an_opening_has_the_memory_damage_alone(
-    memory: str, fits: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(opening, "UNKNOWN", {})
+def test_an_opening_has_the_memory_damage_alone(memory: str, fits: bool) -> None:
     history = HISTORY.replace("damage", memory)
     friction = "friction={law: tresca, tau: 2 MPa}"
     if fits:

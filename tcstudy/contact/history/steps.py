@@ -199,7 +199,9 @@ class ContinuedStep:
         self.load_shift = correction - A @ self.origin
         law = self.law if self.straight else model.next_law(state, straight=True)
         first_load = self.last_step.load + self.load_shift
-        self.problem = ParametricProblem(A, first_load, self.change, c, law)
+        self.problem = ParametricProblem(
+            A, first_load, self.change, c, law, blocks=self.body.blocks
+        )
         vars(self.problem)["body"] = self.history.scaled  # the same in all parts and steps
 
     def _problem_at(self, t: float) -> ContactProblem:
@@ -550,7 +552,7 @@ def hysteresis(
     """
     if begin == end:
         raise ValueError(f"the loop begins and ends at t = {begin:g}; give it a range")
-    body = CondensedBody.known(problem.A_tilde, problem.c, problem.A_error)
+    body = CondensedBody.known(problem.A_tilde, problem.c, problem.A_error, problem.blocks)
     model = MemoryModel(Memory("none"), problem.law, problem.m)
     history = HistoryProblem(body, model, tolerance=tolerance, max_pieces=max_pieces)
     load = problem.load(begin)

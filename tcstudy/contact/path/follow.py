@@ -228,11 +228,13 @@ class Track:
         return self._path(parts, end)
 
     def _path(self, parts: list[Vertices], end: PathStatus) -> Path:
+        """Return the path; slips that are beyond a ray by rounding are put onto it."""
+        law = self.walk.problem.law
         codes = np.array([piece.codes for piece in self.pieces], dtype=np.int32)
         return Path(
             problem=self.walk.problem,
             t=np.concatenate([part.t for part in parts]),
-            u=np.concatenate([part.u for part in parts]),
+            u=law.admissible(np.concatenate([part.u for part in parts])),
             traction=np.concatenate([part.traction for part in parts]),
             residual=np.concatenate([part.residual for part in parts]),
             stable=np.array([piece.stable for piece in self.pieces], dtype=bool),

@@ -223,7 +223,7 @@ class Walk:
         graph = self.graph
         t = x[..., -1] / self.t_unit
         moves = graph.free[codes].astype(float)
-        u = problem.law.admissible(moves * x[..., :-1] + graph.kink[codes])
+        u = moves * x[..., :-1] + graph.kink[codes]
         on_segment = graph.start[codes] + graph.slope[codes] * (u - graph.anchor[codes])
         traction = on_segment + (1.0 - moves) * (x[..., :-1] / self.weight)
         load = problem.l_0 + t[..., None] * problem.l_1
