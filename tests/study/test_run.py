@@ -126,7 +126,7 @@ def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
     *_, row = (
         line.split()
         for line in text_of(tmp_path / "out.nc").splitlines()
-        if "unique" in line.split()
+        if "unique" in line.split() and ":" not in line
     )
     assert (row[2], row[-1]) == ("0", "0")  # ∫ξ and its change
 
@@ -226,7 +226,7 @@ def test_linear_fields_are_exact(tmp_path: Path, plane: str) -> None:
     assert float(warm["probe_core_theta"]) == pytest.approx(33.0, rel=1e-12)
     with fitting(80):  # what was asked for pushes no proof out of the table
         text = text_of(tmp_path / "out.nc")
-    assert all(title in text for title in ("∫ξ [", " certified\n", *asked(tree)))
+    assert all(title in text for title in ("∫ξ", "certified  ", *asked(tree)))
 
 
 def test_a_number_that_breaks_down_ends_its_point_and_no_run(
