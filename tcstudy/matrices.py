@@ -33,7 +33,7 @@ from tcstudy.errors import ProblemError
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import GrowthError
-from tcstudy.laws.shapes import RIGID, SHAPES, LawError, one_sided, unilateral
+from tcstudy.laws.shapes import RIGID, SHAPES, LawError, knows_pressure, one_sided, unilateral
 from tcstudy.scene.path_plan import Direction
 from tcstudy.scene.solver_plan import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch
 
@@ -43,6 +43,10 @@ Array = NDArray[np.float64]
 MAX_ASYMMETRY = 1e-10
 """Largest |Ã_ij − Ã_ji|/√(Ã_ii Ã_jj) that counts as rounding, and is averaged away."""
 MIN_LAW_ERROR = 1e-8
+_NO_PRESSURE = (
+    "law coulomb: its friction is mu times the pressure of another row, and has no energy; "
+    "run a study with a unilateral edge, or give tresca the friction at a known pressure"
+)
 
 
 def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
@@ -55,12 +59,16 @@ def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
     are in consistent units: tractions [Pa], slips [m], stiffness k and slope [Pa/m].
 
     Raises ProblemError for an unknown name, a missing or meaningless parameter, or a law that
-    violates growth condition (15) or (16) of the paper.
+    violates growth condition (15) or (16) of the paper. So does coulomb: the pressure it multiplies
+    is no number of one row.
     """
     if name not in SHAPES:
         raise ProblemError(f"there is no law {name!r}; use one of {', '.join(SHAPES)}")
     try:
-        return SHAPES[name].build(**parameters)
+        built = SHAPES[name].build(**parameters)
+        if knows_pressure(built):
+            raise ProblemError(_NO_PRESSURE)
+        return built
     except (GrowthError, ValueError) as error:
         raise ProblemError(f"law {name}: {error}") from error
 
@@ -80,6 +88,9 @@ def opening(law: Laws | None = None, closing: float = RIGID) -> Laws:
     """
     if law is None and closing == RIGID:
         return unilateral()
+    if law is not None and law.closing is not None:
+        remedy = "give it the law for s > 0, and closing beside it"
+        raise ProblemError(f"law {law.name} is an opening already; {remedy}")
     try:
         return one_sided(NONE if law is None else law, closing)
     except LawError as error:
@@ -159,6 +170,9 @@ def solve(
     branch:         "lowest" (the lowest found from all starts and by a search for less),
                     "continued" (from the neighbour) or "from-zero"
     neighbour:      (m,) solution of a neighbouring problem [m], if there is one
+
+    Where Ã is semidefinite and no row is an opening, "lowest" is the solution reached from zero:
+    beyond the strength of the bond there is no least energy.
 
     The answer has v [m], xi [N/m], energy [J/m], inclusion_residual and status. Its status is
     Status.CONVERGED, or else it has a reason: a failure is no exception. Raises ProblemError for

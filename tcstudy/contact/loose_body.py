@@ -169,14 +169,16 @@ class LooseBody:
         moves = np.abs(motion.r) > MOVES
         is_closed = np.broadcast_to(law.is_closed, moves.shape)
         rows = _named(np.flatnonzero(moves))
+        scales = np.broadcast_to(law.tables.scales[law.index], moves.shape)
+        is_bonded = bool(np.any(scales[moves] > 0.0))
         if np.any(is_closed & moves):
+            when = " once its bond has failed" if is_bonded else ""
             return (
-                f"nothing presses the body onto its foundation: it flies off ({rows} open or "
+                f"nothing presses the body onto its foundation{when}: it flies off ({rows} open or "
                 "slide); press it on, or constrain it"
             )
-        scales = np.broadcast_to(law.tables.scales[law.index], moves.shape)
         cause = "nothing restrains the body: it slides"
-        if np.any(scales[moves] > 0.0):
+        if is_bonded:
             cause = "the load is more than the bond can carry: the body slides once it has failed"
         return f"{cause} ({rows} move); lower the load, or prescribe a displacement"
 

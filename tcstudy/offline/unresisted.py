@@ -148,8 +148,11 @@ def _reason(name: str, excess: float, knows_pressure: bool) -> str:
         remedy = "press the body onto its foundation, or support it"
     if not np.isfinite(excess):
         return f"it can {name}, and nothing resists that; {remedy}"
+    if knows_pressure and name.startswith("separate"):
+        return f"it can {name}, and no load presses it on; {remedy}"
     if knows_pressure:
-        return f"it can {name}, and friction was found to resist no such load; {remedy}"
+        found = "no state was found in which the friction of the pressed edge balances the load"
+        return f"it can {name}: {found}; {remedy}"
     if excess > 1.0:
         ratio = f"{excess:.3g} times what contact can resist"
         return f"it can {name}: the load along that is {ratio}; {remedy}"

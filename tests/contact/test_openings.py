@@ -170,6 +170,29 @@ def test_derivatives_with_rays_are_those_of_differences() -> None:
     )
 
 
+def test_the_door_refuses_friction_whose_pressure_it_does_not_know() -> None:
+    with pytest.raises(ProblemError, match="times the pressure of another row"):
+        tcstudy.law("coulomb", mu=0.3)
+
+
+def test_an_opening_is_not_opened_twice() -> None:
+    with pytest.raises(ProblemError, match="is an opening already; give it the law for s > 0"):
+        tcstudy.opening(OPENING, closing=8.0)
+
+
+def test_a_body_whose_bond_carries_it_flies_off_only_once_that_has_failed() -> None:
+    """Two nodes that move as one, pulled by 2 of a strength of 2 × 3; then free of any bond."""
+    A = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    bond = tcstudy.opening(tcstudy.law("bilinear", tau=3.0, s0=0.1, sf=1.0))
+    pull, unit = np.array([1.0, 1.5]), np.ones(2)
+    held = tcstudy.ContactProblem(A, pull, unit, bond)
+    assert tcstudy.solve(held).status == Status.CONVERGED
+    when = "onto its foundation once its bond has failed: it flies off (rows 0, 1"
+    assert when in tcstudy.all_solutions(held).reason
+    bare = tcstudy.ContactProblem(A, pull, unit, tcstudy.opening())
+    assert "onto its foundation: it flies off (rows 0, 1" in tcstudy.solve(bare).reason
+
+
 def test_what_closes_an_opening_must_be_a_stiffness() -> None:
     with pytest.raises(ProblemError, match="closing"):
         tcstudy.opening(SOFTENING, closing=-1.0)
