@@ -41,7 +41,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault, read_paramete
 from tcstudy.read.fit import read_fit, read_tests
 from tcstudy.read.loads import check_together, read_history, read_path, read_sensitivity
 from tcstudy.read.opening import check_opening
-from tcstudy.read.physics import has_no_friction
+from tcstudy.read.physics import contact_edges, has_no_friction, laws_by_edge
 from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, with_swept_keys
@@ -207,8 +207,12 @@ def _mentions_coulomb(root: Node) -> bool:
 
 
 def _required(root: Node) -> tuple[str, ...]:
-    """Return the sections that a study cannot be without: friction, unless all of Γ_C opens."""
-    needs_friction = not has_no_friction(root)
+    """Return the sections that a study cannot be without: friction, unless all of Γ_C opens.
+
+    Where adhesion names an edge that is none, it is not known which edges open.
+    """
+    is_known = set(laws_by_edge(root.at("adhesion"))) <= set(contact_edges(root))
+    needs_friction = is_known and not has_no_friction(root)
     names = (name for name, row in rows("").items() if row.required or name == "friction")
     return tuple(name for name in names if name != "friction" or needs_friction)
 

@@ -153,17 +153,20 @@ def _loose(study: Study, geometry: Geometry | None) -> Iterator[str]:
         motions = motions_of_geometry(geometry, scene.boundary)
     if not motions:
         return
-    words = f"contact alone restrains the body: it can {motions.words} once that has failed"
+    moves = motions.words
+    if scene.opens:
+        moves = moves.replace("slide", "move")
+    words = f"contact alone restrains the body: it can {moves} once that has failed"
     proofs = "lambda_1 is 0: uniqueness and global minima are proved without softening only"
     remedy = "pull by a displacement where the failure itself is wanted"
     if scene.opens and not scene.adhesive_edges:
-        words = f"contact alone restrains the body: unless pressed, it can {motions.words}"
+        words = f"contact alone restrains the body: unless pressed, it can {moves}"
         remedy = "press the body on that edge"
     if study.knows_pressure:
         proofs = "lambda_1 is 0: no solution is proved unique"
     yield note(
         words,
-        f"{proofs}, and a load that no equilibrium resists fails with this motion as the reason",
+        f"{proofs}, and a point whose load nothing resists fails with this motion as the reason",
         f"{remedy}, or add supports or springs",
     )
 

@@ -211,6 +211,12 @@ def test_what_is_wrong_is_one_fault_with_its_remedy(option: str, fault: str, rem
     assert re.search(remedy, problem.remedy)
 
 
+def test_a_misnamed_edge_of_adhesion_is_no_want_of_friction() -> None:
+    with pytest.raises(StudyError) as refused:
+        study("adhesion={botom: {law: linear, k: 4 GPa/m}}", "friction=null")
+    assert [problem.key for problem in refused.value.problems] == ["adhesion.botom"]
+
+
 def test_a_fault_has_its_place_in_the_file() -> None:
     with pytest.raises(StudyError, match=r"study\.yaml:5:27: adhesion\.tau: unknown key"):
         study(text=ARM.replace("sigma", "tau"))
