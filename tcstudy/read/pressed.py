@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from tcstudy.laws.shapes import knows_pressure
 from tcstudy.read.document import Node
 from tcstudy.read.fields import Context
+from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.records import Contact, Scene
 from tcstudy.scene.solver_plan import SEPARABLE, SolverPlan
 
@@ -20,7 +21,6 @@ Fault = tuple[tuple[str, ...], str, str]
 
 WITHOUT_ENERGY: Mapping[str, str] = {
     "path": "a path follows the energy",
-    "history": "the steps of a history balance the energy",
     "fit": "a fit follows the energy",
     "output.sensitivity": "results are differentiated along the energy",
 }
@@ -28,11 +28,15 @@ WITHOUT_ENERGY: Mapping[str, str] = {
 
 
 def check_pressed(
-    ctx: Context, root: Node, scenes: Sequence[Scene], solver: SolverPlan | None
+    ctx: Context,
+    root: Node,
+    scenes: Sequence[Scene],
+    solver: SolverPlan | None,
+    history: HistoryPlan | None,
 ) -> None:
     """Record what a study with friction that knows the pressure asks for and cannot have.
 
-    scenes: of all its points;  solver: None where its section has faults
+    scenes: of all its points;  solver, history: None where a section has faults, or is not there
     """
     for edge in _held_edges(scenes):
         fault = f"Coulomb's friction needs the pressure, and {edge} cannot open"
@@ -40,7 +44,10 @@ def check_pressed(
         ctx.at(root.nearest("friction", edge), fault, remedy)
     if not any(scene.knows_pressure for scene in scenes):
         return
-    for keys, fault, remedy in (*_without_energy(root), *_of_solver(solver)):
+    faults = [*_without_energy(root), *_of_solver(solver)]
+    if history is not None:
+        faults += _of_history(scenes, history)
+    for keys, fault, remedy in faults:
         ctx.at(root.nearest(*keys), fault, remedy)
 
 
@@ -74,3 +81,14 @@ def _of_solver(solver: SolverPlan | None) -> Iterator[Fault]:
     if solver.names != (SEPARABLE,):
         fault = "friction of a pressed edge is solved by one method"
         yield ("solver", "name"), fault, f"write name: {SEPARABLE}, or leave it out"
+
+
+def _of_history(scenes: Sequence[Scene], history: HistoryPlan) -> Iterator[Fault]:
+    """Yield what is asked of a history."""
+    laws = [law for scene in scenes for _, law, _ in scene.friction_by_edge]
+    if any(knows_pressure(law) and law.omega > 0.0 for law in laws):
+        fault = "a coefficient that falls with the slip would begin anew in every step"
+        yield ("history",), fault, "give one coefficient mu, or remove history"
+    if history.branch == "lowest":
+        fault = "friction of a pressed edge has no energy, and no state is the lowest"
+        yield ("history", "branch"), fault, "leave it out"

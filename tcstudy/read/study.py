@@ -170,7 +170,7 @@ def _one_body(
         # imported only for such studies
         from tcstudy.read.pressed import check_pressed
 
-        check_pressed(ctx, root, reader.scenes, solver)
+        check_pressed(ctx, root, reader.scenes, solver, history)
     if ctx.errors.problems:
         _check_keys(ctx, root, ("history", "fit"))
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (

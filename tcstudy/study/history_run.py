@@ -293,7 +293,8 @@ def _follow(
         derivatives: Iterator[dict[str, float]] = iter(())
         if study.output.sensitivity:
             derivatives = islice(step_derivatives(study, level, scene, point), first, None)
-        for number, step in enumerate(history(problem, loads[first:], start), first):
+        steps = _history_of(level, scene, problem, loads[first:], start)
+        for number, step in enumerate(steps, first):
             values = results.values(number, step, previous_v)
             if step.solved:
                 values |= next(derivatives, {})
@@ -304,6 +305,23 @@ def _follow(
         raise
     except Exception as error:  # as of a block of points: one history must not end a sweep
         yield _failed_step(study, point, last_step, error)
+
+
+def _history_of(
+    level: Level,
+    scene: Scene,
+    problem: HistoryProblem,
+    loads: Sequence[Array],
+    start: HistoryStep | None,
+) -> Iterator[HistoryStep]:
+    """Return the steps to the loads, with friction that knows the pressure where there is some."""
+    friction = level.pressure_friction(scene)
+    if friction is None:
+        return history(problem, loads, start)
+    # imported only for such scenes
+    from tcstudy.contact.history.pressed import pressed_history
+
+    return pressed_history(problem, friction, loads, start)
 
 
 OF_UNKNOWNS = {

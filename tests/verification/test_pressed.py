@@ -131,3 +131,39 @@ def test_matrices_of_another_assembly_and_another_iteration_agree(tmp_path: Path
     order = np.argsort(level["x"].values)
     u_T = level["u_T"].values.ravel()[order]
     assert u_T == pytest.approx(found[: len(base)], rel=1e-7)
+
+
+CYCLE = """
+history:
+  memory: friction
+  steps:
+    - {boundary.top.u_x: 0.02 mm, in: 6}
+    - {boundary.top.u_x: -0.02 mm, in: 12}
+    - {boundary.top.u_x: 0.02 mm, in: 12}
+    - {boundary.top.u_x: -0.02 mm, in: 12}
+    - {boundary.top.u_x: 0.02 mm, in: 12}
+"""
+
+
+def test_a_block_that_is_pushed_to_and_fro_runs_through_a_loop(tmp_path: Path) -> None:
+    """The second cycle is the first one again, and its work is what friction dissipates."""
+    text = BLOCK.replace("u_x: 0.02 mm", "u_x: 0 mm").replace("levels: 2", "levels: 1")
+    tree = solved(text + CYCLE, tmp_path)
+    drag = tree["friction_resultant"].values.ravel()
+    push = tree["adhesion_resultant"].values.ravel()
+    assert np.all(np.abs(drag) <= (0.3 + 1e-9) * np.abs(push))
+    np.testing.assert_allclose(drag[-12:], drag[-36:-24], rtol=1e-6)
+    work, loss = (tree[name].values.ravel()[-24:].sum() for name in ("work", "dissipated"))
+    assert work == pytest.approx(loss, rel=0.05)
+    assert loss > 0.0
+
+
+def test_what_a_pressed_history_cannot_have_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    path.write_text(BLOCK.replace("u_x: 0.02 mm", "u_x: 0 mm") + CYCLE, encoding="utf-8")
+    for change, reason in (
+        ("friction={law: coulomb, mu_s: 0.5, mu_k: 0.2, delta: 1 um}", "begin anew"),
+        ("history.branch=lowest", "no state is the lowest"),
+    ):
+        with pytest.raises(tcstudy.StudyError, match=reason):
+            tcstudy.load(str(path), [change])
