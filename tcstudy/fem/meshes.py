@@ -216,9 +216,10 @@ class Frames:
         return np.einsum("ncd,cn->dn", self.axes, u.reshape(2, -1)).ravel()
 
     def cartesian(self, w: Array) -> Array:
-        """Return local displacements in x and y: R w, or R T w."""
+        """Return local displacements (2n,) or (2n, k) in x and y: R w, or R T w."""
         rows = w if self.ties is None else self.ties @ w
-        return np.einsum("ncd,dn->cn", self.axes, rows.reshape(2, -1)).ravel()
+        pairs = rows.reshape(2, -1, *w.shape[1:])
+        return np.einsum("ncd,dn...->cn...", self.axes, pairs).reshape(rows.shape)
 
 
 def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh | None) -> PlaneMesh:

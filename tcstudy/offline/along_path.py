@@ -113,7 +113,8 @@ class AffineScene:
             for name, role in self._loaded_edges():
                 nodes = supported.get(name, np.zeros(level.mesh.n_points, dtype=bool))
                 force = np.where(_both(nodes), reactions, 0.0)
-                force += self._edge_loads[name](t)
+                if name in self._edge_loads:
+                    force += self._edge_loads[name](t)
                 if any(role.spring):
                     force -= level.forces(u, (), ((name, *role.spring),))
                 numbers |= _resultants(f"force_{name}", force)
@@ -125,8 +126,11 @@ class AffineScene:
 
     @cached_property
     def _edge_loads(self) -> dict[str, Callable[[Array], Array]]:
-        """Nodal loads (2n, k) of edges by name."""
-        return {name: self._affine(self._load_of(name)) for name, _ in self._loaded_edges()}
+        """Nodal loads (2n, k) by name of the edges that have any at some t."""
+        loads = {name: self._load_of(name) for name, _ in self._loaded_edges()}
+        ends = (self._first, self._last)
+        acting = [name for name, load in loads.items() if any(load(scene).any() for scene in ends)]
+        return {name: self._affine(loads[name]) for name in acting}
 
     def _load_of(self, name: str) -> Callable[[Scene], Array]:
         level = self.level

@@ -687,8 +687,7 @@ class Level:
 
     def extensions(self, scene: Scene, v: Array) -> Array:
         """Return the displacements (2n, k) of an unloaded body with contact unknowns v (m, k)."""
-        columns = self._body(scene).condensation.expand(v).T
-        return np.column_stack([self.frames.cartesian(column) for column in columns])
+        return self.frames.cartesian(self._body(scene).condensation.expand(v))
 
     def condensed_of(self, scene: Scene, load: Array) -> Array:
         """Return l̃ (m,) of a load (2n,) in x and y on the body of a scene [N/m]."""
