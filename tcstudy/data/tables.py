@@ -72,6 +72,8 @@ from tcstudy.scene.study import Axis, Study
 _VERTEX, _PIECE, _INTERVAL = ("vertex",), ("piece",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
 _BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
+FROM_LAST = "from the last"
+"""Attribute `branch` of a history without an energy, whose steps follow no path."""
 _STATES = tuple(s.name.lower() for s in ContactState)
 _STABLE = ("unstable", "stable")
 _STATES_N = ("closed", "elastic", "softening", "drop", "weakened")
@@ -881,7 +883,8 @@ def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]
         values["reason"][point] = step.reasons.get(0, values["reason"][point])
     loads = load_variables(study)
     load_names = (variable.name for variable, _ in loads if variable.dtype == "f8")
-    attributes = {"memory": plan.memory.words, "branch": plan.branch, "loads": " ".join(load_names)}
+    branch = FROM_LAST if study.knows_pressure else plan.branch
+    attributes = {"memory": plan.memory.words, "branch": branch, "loads": " ".join(load_names)}
     load_coordinates = (variable for variable, _ in loads)
     table = (*LINE, *OPENING_LINE, *MESH_LEVEL, *JOINTS, *load_coordinates, *variables)
     coordinates = {variable.name: labels for variable, labels in loads}

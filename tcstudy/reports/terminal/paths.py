@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tcstudy.data.files import SHORTFALLS
 from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES, PointStatus
+from tcstudy.data.tables import FROM_LAST
 from tcstudy.reports import sentences
 from tcstudy.reports.rounding import line_floor
 from tcstudy.reports.select_point import axis_symbol, describe
@@ -604,11 +605,18 @@ def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]
         yield f"  … {len(points) - len(listed)} more points; --verbose shows all"
 
 
+STEPS = {
+    "lowest": "the state of lowest energy found",
+    "continued": "along its exact path",
+    FROM_LAST: "the state found from the last one",
+}
+"""How a step is solved, by the attribute `branch`."""
+
+
 def _history(data: Any) -> Iterator[str]:
     """Yield the loads of a history and how its steps are solved."""
     attrs = data.attrs
-    is_lowest = attrs["branch"] == "lowest"
-    step = "the state of lowest energy found" if is_lowest else "along its exact path"
+    step = STEPS.get(attrs["branch"], STEPS["continued"])
     yield f"  History of {', '.join(_loads(data))}; memory {attrs['memory']}; each step {step}"
     yield f"  {_sizes(data)}"
     if "lambda_1_error" in data:
