@@ -15,11 +15,11 @@ FILE = Path(__file__).parents[1] / "results" / "evidence.json"
 PAGE = FILE.with_suffix(".md")
 HEAD = """# Evidence
 
-One row per claim. `python -m tests.evidence` makes this page from [`evidence.json`](evidence.json), and a test
-compares it. Guides quote these figures by name, and a test compares every quotation.
+`python -m tests.evidence` makes this page from [`evidence.json`](evidence.json). Guides quote its figures by name.
+Tests compare both.
 
-- **recorded**: the commit that recorded the figure. Figures of tests are checked at every commit.
-- **conditions** do not depend on the machine. N counts displacement degrees of freedom, m contact degrees of freedom.
+- **recorded**: by which commit. Figures of tests are checked at every commit.
+- **conditions** do not depend on the machine. N counts displacement, m contact degrees of freedom.
 - `benchmarks.NAME` stands for `python -m tests.benchmarks.NAME`. `python -m tests.benchmarks` writes all raw files in
   half an hour.
 """

@@ -45,9 +45,7 @@ def main() -> None:
     rows += [f"| all | {costs.sum():.2f} |", "", f"The crack is {crack:.1f} mm long at the end."]
     publish_chapter("speed", "A peel test", "peel", [machine(), "", *rows])
     mesh, _, path, _ = costs
-    record(
-        "speed.peel", f"{costs.sum() / mesh:.1f} times its mesh, the path itself {path / mesh:.2f}"
-    )
+    record("speed.peel", f"{costs.sum() / mesh:.1f} times, the path itself {path / mesh:.2f}")
 
 
 def parts(study: Study) -> list[float]:
