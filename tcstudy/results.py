@@ -387,7 +387,8 @@ def draw(
     at:     of a run or its convergence: the point by its labels, {"alpha": 100}; unless named, of a
             run that of the largest slip, else the first
     level:  of a run: mesh level, −1 or nothing for the finest
-    y:      of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
+    y:      of a path "mean-slip", "max-slip" or "friction", where edges open "peel" or "opening";
+            of a cost chart the error, e.g. "u_L2"
     size:   "8x10cm" or (width, height) [inch]
     ax:     draw one panel into axes of a figure of your own, and return that figure;
             `ax.legend()` names its lines

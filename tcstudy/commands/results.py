@@ -33,7 +33,7 @@ _LEVEL = "mesh level (default: the finest)"
 _X = "curves of a whole run over this swept parameter"
 _Y = (
     "variable that the curves show, e.g. slip_length; for a path mean-slip, max-slip or "
-    "friction; for costs an error, e.g. u_L2"
+    "friction, where edges open peel or opening; for costs an error, e.g. u_L2"
 )
 _BY = "a curve for each value of this swept parameter"
 _OF = "variable that the map shows, e.g. u_T_max; for a point sigma_x, von_mises …"

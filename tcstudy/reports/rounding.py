@@ -280,3 +280,14 @@ def line_floor(xi: ArrayLike, c: ArrayLike) -> float:
     """Return the size below which ∫ξ of the states (…, m) of one path or history is rounding."""
     largest = np.max(np.abs(np.nan_to_num(np.asarray(xi, dtype=float))), initial=0.0)
     return SHARE * float(largest) * float(np.sum(c))
+
+
+def resultant_floor(data: Any) -> float:
+    """Return the size below which ∫ξ of the states of one path or history is rounding.
+
+    Where edges may open, their normal stresses count as well.
+    """
+    floor = line_floor(data["xi"], data["c"])
+    if "S_N" in data:
+        floor = max(floor, line_floor(data["S_N"], data["c_N"]))
+    return floor

@@ -422,6 +422,9 @@ def _slips(run: RunSeen) -> tuple[str, ...]:
     if slip is None:
         return ()
     place = first_largest(np.where(run.ok, slip, -1.0))
+    opening = run.take("opening_max")
+    if opening is not None and slip[place] <= SAME * np.max(opening[run.ok]):
+        return ()
     if slip[place] == 0.0:
         return ("nothing slips",)
     largest = f"largest slip {with_unit(float(slip[place]), run.units)}"

@@ -105,6 +105,20 @@ mesh: {maxh: 5 mm}
 sweep: {friction.mu: [0.1, 1]}
 output: {fields: true}
 """
+COLUMN = """
+units: none
+title: A column that is lifted off its bond
+body: {rectangle: {width: 1, height: 1}}
+boundary: {bottom: contact, top: {role: clamped, u_x: 0, u_y: 0}, left: free, right: free}
+material: {E: 1, nu: 0, plane: stress}
+adhesion: {law: bilinear, sigma: 1, s0: 0.1, sf: 0.3}
+mesh: {maxh: 1}
+"""
+LIFTED = "path={parameter: boundary.top.u_y, from: 0, to: 1.5}"
+RAISED = (
+    "history={memory: damage, steps: [{boundary.top.u_y: 0.7, in: 7, name: up},"
+    " {boundary.top.u_y: 0, in: 2, name: down}, {boundary.top.u_y: 1.5, in: 4, name: off}]}"
+)
 NEAR = (
     "fit.parameters={friction.tau_s: {start: 7.3 MPa, within: [1 MPa, 50 MPa]},"
     " friction.delta: {start: 0.158 mm, within: [0.01 mm, 1 mm]}}"
@@ -118,6 +132,8 @@ STUDIES: dict[str, tuple[str | Path, list[str]]] = {
     "curl": (CURL, []),
     "arm": (ARM, []),
     "pressed": (PRESSED, []),
+    "lifted": (COLUMN, [LIFTED]),
+    "raised": (COLUMN, [RAISED]),
     "history": (RAIL, []),
     "path": (CONFIGS / "path.yaml", ["mesh.levels=1"]),
     "fit": (CONFIGS / "pull_fit.yaml", ["mesh.maxh=8 mm", "fit.starts=1", NEAR]),

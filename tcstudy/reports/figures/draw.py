@@ -86,7 +86,7 @@ def _maker(kind: Kind, options: Mapping[str, Any]) -> Callable[..., Drawn]:
 EXAMPLES = {"y": "y = slip_length", "of": "of = u_T_max"}
 
 
-def _path(file: Path, look: style.Look, y: str = "mean-slip") -> Drawn:
+def _path(file: Path, look: style.Look, y: str | None = None) -> Drawn:
     data = load_root(file)
     words = f"{data.attrs['title']}, path along {data.attrs['parameter']}"
     return path_figure(data, y, look), words

@@ -372,11 +372,16 @@ def place_names(axes: Axes, panel: Panel) -> None:
             labels.put(name, places, AROUND, optional=True)
 
 
-def contact_nodes(data: Any) -> tuple[NDArray[np.intp], Scale, Array]:
-    """Return the nodes of a stored contact line along the arclength, its axis, the segment ends."""
-    order = np.argsort(data["arclength"].values, kind="stable")
-    ends = np.concatenate([[0.0], np.cumsum(data["c"].values[order])])
-    return order, scale("arclength", ends, str(data["arclength"].attrs["units"])), ends
+def contact_nodes(
+    data: Any, arclength: str = "arclength", c: str = "c"
+) -> tuple[NDArray[np.intp], Scale, Array]:
+    """Return the nodes of a stored contact line along the arclength, its axis, the segment ends.
+
+    arclength, c: variables of the nodes, of others than those that slip
+    """
+    order = np.argsort(data[arclength].values, kind="stable")
+    ends = np.concatenate([[0.0], np.cumsum(data[c].values[order])])
+    return order, scale("arclength", ends, str(data[arclength].attrs["units"])), ends
 
 
 # -- the sheet -------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ fitted law.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ from tcstudy.reports.figures.panels import (
     place_names,
     scale,
 )
-from tcstudy.reports.rounding import cleared, line_floor
+from tcstudy.reports.rounding import cleared, resultant_floor
 from tcstudy.reports.select_point import Value, axis_symbols, describe, locate, of_largest_slip
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
 from tcstudy.reports.terminal.paths import (
@@ -56,13 +56,28 @@ RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = 
     "friction": ("∫ξ ds", "xi", lambda u_T, xi, c: np.asarray(xi @ c)),
 }
 """Responses over the parameter of a path: label, source variable, formula."""
+OPENING_RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = {
+    "peel": ("∫S_N ds", "S_N", lambda s_N, S_N, c: np.asarray(S_N @ c)),
+    "opening": ("max s_N", "opening", lambda s_N, S_N, c: np.max(s_N, axis=1, initial=0.0)),
+}
+"""The same of openings, where edges may open."""
+OF_FORCE = ("xi", "S_N")
+"""Source variables whose responses are forces."""
+
+
+def responses_of(data: Any) -> dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]]:
+    """Return the responses that a path has, the usual one first."""
+    return OPENING_RESPONSES | RESPONSES if "opening" in data else RESPONSES
 
 
 def response_of(data: Any, response: str, kind: str = "") -> Array:
-    """Return one of RESPONSES of the vertices, or of the states with another prefix in the file."""
-    u_T, xi, c = (data[name].values for name in (f"{kind}u_T", f"{kind}xi", "c"))
-    values = RESPONSES[response][2](u_T, xi, c)
-    return cleared(values, line_floor(data["xi"], c)) if response == "friction" else values
+    """Return a response of the vertices, or of the states with another prefix in the file."""
+    _, _, formula = responses_of(data)[response]
+    names = (f"{kind}u_T", f"{kind}xi", "c")
+    if response in OPENING_RESPONSES:
+        names = (f"{kind}opening", f"{kind}S_N", "c_N")
+    values = formula(*(data[name].values for name in names))
+    return cleared(values, resultant_floor(data)) if response == "friction" else values
 
 
 CURVE, MAP = 3.4, 1.25
@@ -75,18 +90,22 @@ COLOURS = ("#dedede", "#7fb8de", "#f2c14e", "#d55e00", "#b7a3d6")
 """Colours of `ContactState`."""
 
 
-def path_figure(data: Any, response: str, look: style.Look) -> Figure:
-    """Return the figure of a path; response: one of RESPONSES, drawn over the parameter."""
-    if response not in RESPONSES:
-        raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
+def path_figure(data: Any, response: str | None, look: style.Look) -> Figure:
+    """Return the figure of a path; response: drawn over the parameter, None for the usual one."""
+    responses = responses_of(data)
+    response = response or next(iter(responses))
+    if response not in responses:
+        raise DrawError(f"there is no response {response!r}; use one of {', '.join(responses)}")
     panels = path_panels(data, response)
     facts = [path_verdict(data).sentence]
-    rows = [["curve"], ["over"]]
-    sheet = Sheet(look, data.attrs["title"], facts, rows, (CURVE, MAP))
+    maps = [name for name in panels if name != "curve"]
+    rows = [["curve"], *([name] for name in maps)]
+    sheet = Sheet(look, data.attrs["title"], facts, rows, (CURVE, *[MAP] * len(maps)))
     sheet.draw(panels)
-    sheet.share("curve", "over")
+    sheet.share(*panels)
     sheet.key("curve", place="upper left")
-    sheet.key("over", place="lower left")
+    for name in maps:
+        sheet.key(name, place="lower left")
     return sheet.finish()
 
 
@@ -103,9 +122,15 @@ def path_panels(data: Any, response: str) -> dict[str, Panel]:
         _draw_requested(curve, data, response)
     if "loop_u_T" in data:
         _draw_hysteresis(curve, data, response)
+    floor = resultant_floor(data)
     span = np.sort(np.asarray(data.attrs["parameter_range"], dtype=float))
     curve.window(span, _drawn_values(data, response), (0.0, 0.05))
-    return {"curve": curve, "over": _state_panel(data, curve)}
+    panels = {"curve": curve}
+    if "opening" in data:
+        panels["bond"] = _bond_panel(data, curve)
+    if "opening" not in data or np.any(np.abs(data["xi"].values) @ data["c"].values > floor):
+        panels["over"] = _state_panel(data, curve)
+    return panels
 
 
 def _drawn_values(data: Any, response: str) -> Array:
@@ -121,9 +146,9 @@ def _drawn_values(data: Any, response: str) -> Array:
 
 def _response_panel(data: Any, response: str) -> Panel:
     """Return the panel of a response over the parameter, with the path in it."""
-    title, source, _ = RESPONSES[response]
+    title, source, _ = responses_of(data)[response]
     units = str(data[source].attrs["units"])
-    if source == "xi" and units != "1":
+    if source in OF_FORCE and units != "1":
         units = "N m-1"
     name = str(data.attrs["parameter"])
     name = "load factor" if name == "load" else style.symbol(name)
@@ -197,6 +222,8 @@ def _draw_hysteresis(panel: Panel, data: Any, response: str) -> None:
     panel.line(t, y, **look, label="slow loading and unloading")
     jumps = data["jump_vertex"].values if "jump_vertex" in data else []
     for vertex in jumps:
+        if vertex + 1 == len(t):  # the last one of a loop that is not completed
+            continue
         start, end = np.stack([t, y], axis=1)[vertex : vertex + 2]
         panel.arrow(start.tolist(), end.tolist(), 12.0, color=style.GREEN, linewidth=1.1)
 
@@ -213,6 +240,46 @@ def _state_panel(data: Any, curve: Panel) -> Panel:
         states[::2] = data["state"].values[data["lowest_piece"].values][:, nodes]
         panel.cells(ends.ravel(), cuts, states, COLOURS, STATES)
     return panel
+
+
+BONDS = ("closed", "bond is elastic", "bond softens", "open")
+"""States of openings in words, by NormalState."""
+BOND_COLOURS = ("#dedede", "#7fb8de", "#f2c14e", "#d55e00")
+NORMAL_STATE = np.array([0, 1, 2, 2, 3])
+"""NormalState of the states of openings in a file of a path: closed, elastic, softening, drop,
+weakened."""
+
+
+def _bond_panel(data: Any, curve: Panel) -> Panel:
+    """Return the states of the openings over the parameter, below a response curve."""
+    arclength, c = data["opening_arclength"].values, data["c_N"].values
+    first_half = 0.5 * (arclength[1] - arclength[0]) if len(arclength) > 1 else 0.5 * c[0]
+    cuts = arclength[0] + first_half - c[0] + np.concatenate([[0.0], np.cumsum(c)])
+    units = str(data["opening_arclength"].attrs["units"])
+    panel = Panel(curve.x, scale("arclength", cuts, units), "Opening: lowest energy on the path")
+    panel.limits = [curve.limits[0], (float(panel.y(cuts[0])), float(panel.y(cuts[-1])))]
+    if "lowest_begin" in data and data["lowest_begin"].size:
+        piece = data["lowest_piece"].values
+        states = np.full((2 * len(piece) - 1, len(c)), -1)
+        states[::2] = bond_states(data, piece)
+        panel.cells(_ends_of_lowest(data).ravel(), cuts, states, BOND_COLOURS, BONDS)
+    return panel
+
+
+def bond_states(data: Any, piece: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return (k, m) the index in BONDS of every opening on k segments of a path.
+
+    An opening without a law is open where it is not closed; so is one whose stress is 0.
+    """
+    states = NORMAL_STATE[data["state_N"].values[piece]]
+    S_N = np.abs(data["S_N"].values)
+    is_free = np.maximum(S_N[piece], S_N[piece + 1]) <= FREE * S_N.max()
+    states[(states == 1) & is_free] = 3
+    return states
+
+
+FREE = 1e-12
+"""Part of the largest normal stress up to which a node is free of stress."""
 
 
 def within(t: Array, y: Array, span: Array) -> Array:
@@ -238,7 +305,14 @@ def _draw_pieces(
 
 # -- histories -------------------------------------------------------------------------------------
 
-HEIGHTS = {"loop": 3.1, "motion": 1.35, "front": 1.35, "section": 1.3, "spent": 1.0}
+HEIGHTS = {
+    "loop": 3.1,
+    "motion": 1.35,
+    "opening": 1.35,
+    "front": 1.35,
+    "section": 1.3,
+    "spent": 1.0,
+}
 """Heights of the panels, or of the first in their row [inch]."""
 MOTION = (style.SHADE, style.SERIES[5], style.SERIES[4], style.VERMILLION)
 """Colours of MOVES."""
@@ -274,7 +348,7 @@ def draw_history(
     heights = [HEIGHTS[name] for name in panels if name in HEIGHTS]
     sheet = Sheet(look, history.attrs["title"], facts, rows, heights)
     sheet.draw(panels)
-    sheet.key("motion", *(["section"] if "section" in panels else []))
+    sheet.key("motion", *(name for name in ("opening", "section") if name in panels))
     figure = sheet.finish()
     place_names(sheet.panels["loop"], panels["loop"])
     words = [f"{y_name} over {x_name}", steps, point_words]
@@ -287,7 +361,7 @@ def solved_steps(data: Any) -> Any:
     data = data.isel(step=slice(solved_count))
     if not solved_count:
         return data
-    resultant = cleared(data["friction_resultant"], line_floor(data["xi"], data["c"]))
+    resultant = cleared(data["friction_resultant"], resultant_floor(data))
     data["friction_resultant"] = data["friction_resultant"].copy(data=resultant)
     node = int(np.abs(data["u_T"].values).max(axis=0).argmax())
     data = data.assign(slip=data["u_T"].isel(node=node))
@@ -300,11 +374,15 @@ def loop_names(data: Any, x: str | None = None, y: str | None = None) -> tuple[s
     """Return the names of x and y of the loop: variables by step, or "slip".
 
     Unless given, x is the first load that changes, and y the slip, or the friction resultant if a
-    displacement is prescribed. Raises DrawError.
+    displacement is prescribed; where edges may open, the opening or the normal resultant. Raises
+    DrawError.
     """
     loads = str(data.attrs["loads"]).split()
     is_pulled = any(name in ("u_x", "u_y", "u_N", "u_T") for name in loads)
-    names = x or loads[0], y or ("friction_resultant" if is_pulled else "slip")
+    usual = "friction_resultant" if is_pulled else "slip"
+    if "opening_max" in data:
+        usual = "adhesion_resultant" if is_pulled else "opening_max"
+    names = x or loads[0], y or usual
     by_step = []
     for variable in data.variables:
         if data[variable].dims == ("step",) and data[variable].dtype.kind == "f":
@@ -326,6 +404,10 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
     force, and of several whole cycles the changes in each.
     """
     panels = {"loop": _loop(data, x, y), "motion": _motion_panel(data)}
+    if "opening" in data:
+        panels["opening"] = _opening_motion_panel(data)
+        if not np.any(data["friction_resultant"]):
+            panels["motion"] = panels.pop("opening")
     if "debonded_to" in data and np.any(data["debonded_to"] > data["debonded_from"]):
         panels["front"] = _front_panel(data, x)
     if "section_force" in data:
@@ -344,12 +426,30 @@ def _axis(data: Any, name: str) -> Scale:
 def _motion_panel(data: Any) -> Panel:
     """Return the motion of the nodes in every step, with dashed lines between cycles."""
     nodes, arclength, cuts = contact_nodes(data)
-    cycle = data["cycle"].values
-    step_count = len(cycle)
     jumped = data["jumped"].values if "jumped" in data else None
     moves = motion(data["u_T"].values, jumped)[1:, nodes]
+    return _moves_panel(data, arclength, cuts, moves, MOVES)
+
+
+OPENING_MOVES = ("rests", "opens", "closes", "jumps")
+"""Motions of an opening in a step, in the order of MOVES."""
+
+
+def _opening_motion_panel(data: Any) -> Panel:
+    """Return the motion of the openings in every step, with dashed lines between cycles."""
+    nodes, arclength, cuts = contact_nodes(data, "opening_arclength", "c_N")
+    jumped = data["jumped_N"].values if "jumped_N" in data else None
+    moves = motion(data["opening"].values, jumped)[1:, nodes]
+    return _moves_panel(data, arclength, cuts, moves, OPENING_MOVES)
+
+
+def _moves_panel(
+    data: Any, arclength: Scale, cuts: Array, moves: NDArray[np.int8], words: Sequence[str]
+) -> Panel:
+    cycle = data["cycle"].values
+    step_count = len(cycle)
     panel = Panel(Scale("step (dashed: cycles)" if cycle[-1] > 1 else "step"), arclength)
-    panel.cells(np.arange(step_count) + 0.5, cuts, moves, MOTION, MOVES)
+    panel.cells(np.arange(step_count) + 0.5, cuts, moves, MOTION, words)
     for step in np.flatnonzero(np.diff(cycle[1:])):
         panel.up(step + 1.5, color=style.INK, linewidth=0.7, **DASHED)
     stride = max(1, -(-step_count // 8))

@@ -24,12 +24,12 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
 from tcstudy.reports.figures.panels import Panel, Scale, scale
 from tcstudy.reports.figures.path import (
-    RESPONSES,
     fit_panels,
     history_panels,
     loop_names,
     path_panels,
     response_of,
+    responses_of,
     solved_steps,
 )
 from tcstudy.reports.json_values import Json
@@ -118,10 +118,11 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     vertex_count, shown_vertices = int(data.sizes["vertex"]), _shown_vertices(data)
     parameter = data["parameter"].values
     options = {}
-    for key, (title, *_) in RESPONSES.items():
-        curve, strip = path_panels(data, key).values()
+    for key, (title, *_) in responses_of(data).items():
+        curve, *strips = path_panels(data, key).values()
         places = parameter[shown_vertices], response_of(data, key)[shown_vertices]
-        options[title] = [panel_part(curve, box, places, 400), panel_part(strip, box, height=190)]
+        options[title] = [panel_part(curve, box, places, 400)]
+        options[title] += [panel_part(strip, box, height=190) for strip in strips]
     title = "1  Equilibria on this path"
     if int(data.get("complete", 0)):
         title = "1  All equilibria of the range"

@@ -15,7 +15,7 @@ from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.schema import OPEN_LOOP, UNPROVED_BRANCHES, PointStatus
 from tcstudy.data.tables import FROM_LAST
 from tcstudy.reports import sentences
-from tcstudy.reports.rounding import line_floor
+from tcstudy.reports.rounding import resultant_floor
 from tcstudy.reports.select_point import axis_symbol, describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
 from tcstudy.reports.symbols import symbol
@@ -81,7 +81,8 @@ MAX_JUMPS = 3
 def path_verdict(data: Any) -> Verdict:
     """Return the verdict of a path: the peak, snap-backs, equilibria, the hysteresis loop."""
     unit = Unit.of_parameter(data)
-    answer = [_peak(data, unit), _snap_backs(data, unit), *_equilibria(data, unit)]
+    answer = [*_openings(data, unit), _peak(data, unit), _snap_backs(data, unit)]
+    answer += _equilibria(data, unit)
     shortfalls = str(data.attrs.get(SHORTFALLS, "")).splitlines()
     segments = _segments(data)
     solved = counted(segments, "segment")
@@ -147,12 +148,67 @@ def _peak(data: Any, unit: Unit) -> str:
     peak = int(np.argmax(force))
     if not _segments(data):
         return f"no path: it ends where it begins, at {_parameter(data)} = {unit.text(t[0])}"
-    if force[peak] == 0.0:
-        return "no friction along the path"
+    if force[peak] == 0.0 or ("opening" in data and force[peak] <= resultant_floor(data)):
+        return "" if "opening" in data else "no friction along the path"
     stress_units = str(data["xi"].attrs["units"])
     total = with_unit(force[peak], "1" if stress_units == "1" else "N m-1")
     mean = with_unit(force[peak] / c.sum(), stress_units)
     return f"peak friction {total} (mean {mean}), at {_parameter(data)} = {unit.text(t[peak])}"
+
+
+def _openings(data: Any, unit: Unit) -> list[str]:
+    """Return the largest peel force, crack and opening of the path in its range."""
+    if "opening_max" not in data or not _segments(data):
+        return []
+    t, ends = data["parameter"].values, np.array(_range(data))
+
+    def largest(name: str) -> tuple[str, str]:
+        """Return the largest value of a variable in the range with its unit, and its place."""
+        place, value = _largest_within(t, data[name].values, ends)
+        if not value > 0.0:
+            return "", ""
+        units = str(data[name].attrs["units"])
+        return with_unit(value, units), f"{_parameter(data)} = {unit.text(place)}"
+
+    facts = list[str]()
+    force, place = largest("adhesion_resultant")
+    if force:
+        facts.append(f"peak peel force {force}, at {place}")
+    opening, place = largest("opening_max")
+    facts += [_crack(data, unit), f"largest opening {opening} at {place}" if opening else ""]
+    return facts if opening else [*facts, "nothing opens"]
+
+
+WEAKENED = 4
+"""State of an opening on a segment of a path beyond the last softening of its law."""
+
+
+def _crack(data: Any, unit: Unit) -> str:
+    """Return the largest crack in the range, by whole nodes; "" without any."""
+    low, high = _range(data)
+    t = np.clip(data["parameter"].values, low, high)
+    is_inside = t[1:] != t[:-1]
+    length = np.where(is_inside, (data["state_N"].values == WEAKENED) @ data["c_N"].values, 0.0)
+    piece = int(np.argmax(length))
+    if not length[piece] > 0.0:
+        return ""
+    place = unit.text(max(t[piece], t[piece + 1]))
+    words = with_unit(float(length[piece]), str(data["c_N"].attrs["units"]))
+    return f"the crack in the bond grows to {words}, at {_parameter(data)} = {place}"
+
+
+def _largest_within(t: Array, y: Array, ends: Array) -> tuple[float, float]:
+    """Return (place, value) of the largest y of a line y(t) between two ends of t, inclusive."""
+    step = np.where(np.diff(t) == 0.0, 1.0, np.diff(t))
+    share = (ends[:, None] - t[:-1]) / step
+    crossings = y[:-1] + share * np.diff(y)
+    is_crossed = (share > 0.0) & (share < 1.0)
+    is_inside = (t >= ends[0]) & (t <= ends[1])
+    places = np.broadcast_to(ends[:, None], share.shape)[is_crossed]
+    all_places = np.concatenate([t[is_inside], places])
+    values = np.concatenate([y[is_inside], crossings[is_crossed]])
+    largest = int(np.argmax(values))
+    return float(all_places[largest]), float(values[largest])
 
 
 def _snap_backs(data: Any, unit: Unit) -> str:
@@ -525,9 +581,31 @@ def _history_answer(data: Any, solved: Flags, points: Sequence[dict[str, int]]) 
         if length > 0.0:
             spans[name] = 0.0, float(length)
     largest = f"largest slip {with_unit(float(slip[point, step]), units)} at {place}"
+    openings = _openings_of_histories(data, solved, points)
+    if "opening_max" in data:
+        opening = np.where(solved, by_point(data["opening_max"], data), 0.0)
+        if slip[point, step] <= sentences.SAME * float(opening.max()):
+            largest = ""
     lengths = sentences.slip_lengths(spans, units)
     peak = _peak_of_histories(data, solved, points)
-    return [largest, peak, ", ".join(filter(None, [lengths, jumps_words]))]
+    return [*openings, largest, peak, ", ".join(filter(None, [lengths, jumps_words]))]
+
+
+def _openings_of_histories(data: Any, solved: Flags, points: Sequence[dict[str, int]]) -> list[str]:
+    """Return the largest opening and the largest normal resultant in tension, with their steps."""
+    facts = list[str]()
+    for words, name in (
+        ("largest opening", "opening_max"),
+        ("peak peel force", "adhesion_resultant"),
+    ):
+        if name not in data:
+            continue
+        values = np.where(solved, by_point(data[name], data), -1.0)
+        point, step = first_largest(values)
+        if values[point, step] > 0.0:
+            value = with_unit(float(values[point, step]), str(data[name].attrs["units"]))
+            facts.append(f"{words} {value} at {_step_words(data, points[point], step)}")
+    return facts
 
 
 def _step_words(data: Any, point: dict[str, int], step: int) -> str:
@@ -546,7 +624,7 @@ def _peak_of_histories(data: Any, solved: Flags, points: Sequence[dict[str, int]
     friction = np.where(solved, resultant, 0.0)
     point, step = first_largest(friction)
     peak = float(friction[point, step])
-    if peak <= line_floor(data["xi"].values, data["c"].values):
+    if peak <= resultant_floor(data):
         return ""
     total = with_unit(peak, str(data["friction_resultant"].attrs["units"]))
     return f"peak friction {total} at {_step_words(data, points[point], step)}"
@@ -650,8 +728,12 @@ def _steps(part: Any, all_cycles: bool) -> str:
 
     for name in _loads(part):
         add(axis_symbol(part, name), name, part[name].values[listed])
+    if "opening_max" in part:
+        for title, name in (("max opening", "opening_max"), ("∫S_N", "adhesion_resultant")):
+            add(title, name, _without_rounding(part[name].values[listed], part[name].values))
     add("max |u_T|", "u_T_max", _without_rounding(slip[listed], slip))
-    add("∫ξ", "friction_resultant", _without_rounding(friction[listed], traction_resultant))
+    if "opening_max" not in part or np.nanmax(traction_resultant) > resultant_floor(part):
+        add("∫ξ", "friction_resultant", _without_rounding(friction[listed], traction_resultant))
     for name in ("dissipated", "released"):
         since_row_before = np.diff(np.cumsum(part[name].values)[rows], prepend=0.0)
         add(name, name, _without_rounding(since_row_before[is_listed], spent))

@@ -19,6 +19,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.pictures import draw_picture
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
+from tcstudy.reports.figures.path import bond_states, history_panels, loop_names, solved_steps
 from tcstudy.reports.figures.point import OperatingLaws, law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import law_of_nodes, read_picture
@@ -320,3 +321,29 @@ def test_an_index_stands_below_its_letter_and_nothing_else_is_a_formula() -> Non
 def test_a_map_finds_its_parameters_by_text_path_and_end(stored: Stored, names: Any) -> None:
     figure, _ = drawn(stored("pads"), map=names, of="u_T_max")
     assert figure.axes[0].get_xlabel() == "$u_{x}$ of top [mm]"
+
+
+def test_a_path_of_openings_shows_its_force_and_the_states_of_the_bond(stored: Stored) -> None:
+    figure, _ = drawn(stored("lifted"))
+    curve, bond = figure.axes
+    assert curve.get_ylabel() == "∫$S_{N}$ ds"
+    words = {"closed", "bond is elastic", "bond softens", "open"}
+    assert set(key_of(figure, 1)) <= words
+    with xr.open_dataset(stored("lifted")) as data:
+        states = bond_states(data, np.arange(data.sizes["piece"]))
+        middle = 0.5 * (data["opening"].values[1:] + data["opening"].values[:-1])
+    expected = np.digitize(middle, [0.0, 0.1, 0.3], right=True)
+    np.testing.assert_array_equal(states, expected)
+    assert bond.get_title(loc="left") == "Opening: lowest energy on the path"
+
+
+def test_a_history_of_openings_shows_what_opens_and_closes(stored: Stored) -> None:
+    data = solved_steps(load_root(stored("raised")))
+    panels = history_panels(data, *loop_names(data))
+    assert list(panels) == ["loop", "motion", "front"]
+    assert loop_names(data) == ("u_y", "adhesion_resultant")
+    (cells,) = (item for item in panels["motion"].items if item.kind == "cells")
+    assert cells.look["names"] == ["rests", "opens", "closes", "jumps"]
+    change = np.diff(data["opening"].values[:, 0])
+    expected = np.where(data["jumped_N"].values[1:, 0] == 1, 3, np.where(change > 0.0, 1, 2))
+    np.testing.assert_array_equal(cells.look["kinds"][:, 0], expected)

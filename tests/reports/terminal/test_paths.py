@@ -14,6 +14,7 @@ from tcstudy.reports.terminal.paths import (
     path_verdict,
     sentences_of,
 )
+from tcstudy.reports.terminal.summary import text_of, verdict_of
 from tcstudy.reports.text import with_unit
 from tests.reports.conftest import Stored
 
@@ -154,3 +155,26 @@ def test_both_ends_of_a_path_are_told_with_their_reasons() -> None:
         "  followed backwards to -1.2 mm: range",
         "  followed forwards to 3 mm: stuck",
     ]
+
+
+# -- contact that may open
+
+
+def test_a_path_of_a_peel_test_names_its_peak_force_and_opening(stored: Stored) -> None:
+    """The column peels at d = 1.1, where s = 0.1 and S_N = 1; beyond the bond s = d."""
+    answer = verdict_of(stored("lifted")).answer
+    assert answer[0] == "peak peel force 1, at u_y of top = 1.1"
+    assert answer[1] == "the crack in the bond grows to 1, at u_y of top = 1.5"
+    assert answer[2] == "largest opening 1.5 at u_y of top = 1.5"
+    assert answer[3] == "snap-back 1.1 → 0.3"
+
+
+def test_a_history_of_an_opening_names_it_first_and_its_force(stored: Stored) -> None:
+    """At d = 0.7, s = d / 11."""
+    answer = verdict_of(stored("raised")).answer
+    assert answer[0] == "largest opening 1.5 at step off"
+    assert answer[1].startswith("peak peel force 0.6818 at step")
+    assert not any("slip" in fact or "friction" in fact for fact in answer)
+    text = text_of(stored("raised"))
+    [up] = [line.split() for line in text.splitlines() if line.strip().startswith("up ")]
+    assert up[:5] == ["up", "1", "0.7", "0.0636364", "0.636364"]
