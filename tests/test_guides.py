@@ -223,7 +223,7 @@ def test_limits_of_the_evidence_agree_with_their_summary() -> None:
 MOST_WORDS = {
     "README.md": 950,
     "configs/README.md": 2800,
-    "results/evidence.md": 2300,
+    "results/evidence.md": 2600,  # a row a claim, also of bonds that open
     "tcstudy/METHOD.md": 2550,  # 1,800 of friction on closed contact; the rest of contact that opens
 }
 LONGEST_SECTION = 250
