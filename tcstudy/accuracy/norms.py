@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.shapes.edges import INNER, TriangleGeometry
+from tcstudy.shapes.places import located as located
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
@@ -174,10 +175,6 @@ def prolongation(n_coarse: int, fine_points: Array, fine_triangles: Indices) -> 
     return sp.csr_array((entries, (rows, columns)), shape=(n_fine, n_coarse))
 
 
-INSIDE = -1e-10
-"""Smallest barycentric coordinate of a point that counts as inside."""
-
-
 def interpolation(mesh: TriangleGeometry, points: Array) -> sp.csr_array:
     """Return (q, n) from nodal values of a P1 function to its values at points (q, 2)."""
     import scipy.sparse as sp
@@ -187,22 +184,3 @@ def interpolation(mesh: TriangleGeometry, points: Array) -> sp.csr_array:
     columns = mesh.triangles[triangle].ravel()
     shape = (len(points), len(mesh.points))
     return sp.csr_array((weights.ravel(), (rows, columns)), shape=shape)
-
-
-def located(mesh: TriangleGeometry, points: Array) -> tuple[Indices, Array]:
-    """Return the triangle (q,) of each point and its barycentric coordinates (q, 3).
-
-    It is the triangle in which the point lies, or the nearest one.
-    """
-    from scipy.spatial import cKDTree  # here, because a run imports this module and seldom needs it
-
-    triangle = cKDTree(mesh.centres).query(points)[1]
-    weights = mesh.barycentric(points, triangle)
-    elsewhere = np.flatnonzero(weights.min(axis=1) < INSIDE)
-    if len(elsewhere):
-        import shapely
-
-        tree = shapely.STRtree(shapely.polygons(mesh.corners))
-        triangle[elsewhere] = tree.nearest(shapely.points(points[elsewhere]))
-        weights[elsewhere] = mesh.barycentric(points[elsewhere], triangle[elsewhere])
-    return triangle, weights

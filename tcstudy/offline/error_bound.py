@@ -10,12 +10,15 @@ so that with k = 1 − w/λ_low > 0
     ‖u − u_h‖ ≤ (η + √(η² + 4kM))/2k.
 Springs add their energy to a, and that of w − u_h to η². τ is that of the contact problem on the
 equilibrium elements, whose ξ* lies in b̂ at the Gauss points, and the best of some w is taken; any
-would do. Where the temperature is computed, η grows by the bound T of its error (heat_bound.py):
-with ε = θ − θ_h the first integral gains ∫βε tr ε(e) ≤ ‖ε‖_ρ‖e‖, as c⁻¹I:I = 1/(λ + μ).
+would do. Where the temperature is computed, η has a quadratic t for θ (heat_quadratic.py), also
+where u_h has θ_h, and grows by a bound T of ‖θ − t‖_ρ (heat_bound.py): with ε = θ − t the first
+integral gains ∫βε tr ε(e) ≤ ‖ε‖_ρ‖e‖, as c⁻¹I:I = 1/(λ + μ).
 
 η:        on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so
           that nothing cancels in η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²
-          (guaranteed.py).
+          (guaranteed.py). t is t₁ + r with t₁ linear on a triangle. τ is that of t₁; r adds Πr to
+          a difference that is linear on the parts of triangles, and r − Πr is orthogonal to these:
+          η² = (η₁ + ‖Πr‖_ρ)² + ‖r − Πr‖²_ρ at most.
 M:        along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal
           rule is no less. A law b = S b̂ whose strength S varies along an edge has S in [S₁, S₂] on
           a part of a segment. For a fixed s the expression is affine in S, hence the supremum
@@ -80,12 +83,14 @@ class _Load:
     rows:        (N,) L⁻¹F
     given:       (4e,) prescribed w
     rest:        Σ_K ‖(I − Π)ρ‖² [J/m]
+    beside:      ‖Πr‖_ρ and ‖r − Πr‖_ρ of what is not linear of a computed temperature [√(J/m)]
     oscillation: bound of what data do that the elements do not have exactly [√(J/m)]
     """
 
     rows: Array
     given: Array
     rest: float
+    beside: tuple[float, float]
     oscillation: float
 
 
@@ -189,19 +194,22 @@ class ErrorBounds:
         resultant = float(line.lengths @ xi.mean(axis=1))
         return distance * norm + abs(resultant - float(problem.xi(v).sum()))
 
+    def _heats(self, scene: Scene) -> bool:
+        """Whether a temperature is computed that loads the body."""
+        given = isinstance(scene.heat.theta, Expression)
+        return scene.material.expands and needs_heat_solve(scene) and not given
+
     def thermal_part(self, scene: Scene, residual: float = 0.0) -> float:
-        """Return T ≥ ‖θ − θ_h‖_ρ of the temperature (heat_bound.py) [√(J/m)].
+        """Return T ≥ ‖θ − t‖_ρ of the temperature t that loads τ (heat_bound.py) [√(J/m)].
 
         residual: η of the displacement
         """
         theta = scene.heat.theta
-        if not scene.material.expands or not (
-            needs_heat_solve(scene) or isinstance(theta, Expression)
-        ):
-            return 0.0
-        if isinstance(theta, Expression):
-            return 0.0 if is_linear(theta) else self._interpolation_error(scene, theta)
-        return self._heat.bound(scene, self.level.temperature(scene).theta, residual)
+        if self._heats(scene):
+            return self._heat.bound(scene, self.level.temperature(scene).theta, residual)
+        if isinstance(theta, Expression) and scene.material.expands and not is_linear(theta):
+            return self._interpolation_error(scene, theta)
+        return 0.0
 
     def equilibrated(
         self, scene: Scene, law: Laws, u: Array, near: bool = False
@@ -236,7 +244,8 @@ class ErrorBounds:
         traction = (factor * solution.xi[0] / dual.c).reshape(-1, 2)
         change = np.sqrt(3.0) * (traction[:, 1] - traction[:, 0])
         xi = traction.mean(axis=1)[:, None] + np.multiply.outer(change, [-0.5, 0.5])
-        return float(np.sqrt(eta2)), xi
+        in_parts, beside = load.beside
+        return float(np.hypot(np.sqrt(eta2) + in_parts, beside)), xi
 
     def polygon(self, law: Laws) -> tuple[Laws, float]:
         """Return a piecewise-linear law and the largest distance of b from it [Pa]."""
@@ -263,10 +272,18 @@ class ErrorBounds:
         dual, factor = level.dual(scene)
         thermal_stress = np.zeros((len(mesh.triangles), 3))
         frames = level.frames_of(scene.boundary)
+        in_parts, beside = 0.0, 0.0
         if scene.material.expands:
-            corner_theta = level.temperature(scene).theta[mesh.triangles]
+            theta = level.temperature(scene).theta
+            corner_theta = theta[mesh.triangles]
+            if self._heats(scene):
+                t = self._heat.improved(scene, theta)
+                corner_theta = t.linear_part(mesh)
+                in_parts, beside = t.rest(mesh, thermal_weight(mesh, scene))
             thermal_stress = mesh.of_material(scene, "beta")[:, None] * corner_theta
-        f, slope, oscillation2 = self._body_force(scene)
+        f, slope, oscillation = self._body_force(scene)
+        if slope is not None:  # its τ_p is not linear, and not orthogonal
+            in_parts, beside = float(np.hypot(in_parts, beside)), 0.0
         F, rest = dual.volume_load(f, thermal_stress, slope)
         traction = np.zeros((len(mesh.segments), 2, 2))  # in x and y at the Gauss points
         for name, role in scene.boundary:
@@ -277,7 +294,7 @@ class ErrorBounds:
                 linear, edge_rest = self._linear_traction(role, on)
                 traction[on] += linear - self._traction(role, on, points)
                 weights = trace_constants(mesh)[on] * self._korn(scene)[mesh.owner[on]]
-                oscillation2 += float(weights**2 @ edge_rest)
+                oscillation += mesh.from_segments(weights * np.sqrt(edge_rest), np.flatnonzero(on))
         edge_loads = np.zeros((2, 2, len(dual.elements.axes)))
         half = 0.5 * mesh.boundary.length
         edge_loads[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.axes)
@@ -285,28 +302,29 @@ class ErrorBounds:
         given = np.where(dual.held, dual.rows(prescribed), 0.0)
         F += edge_loads.ravel() - factor * (dual.K @ given)
         rows = dual.condensation.forward(F if dual.ties is None else dual.ties.T @ F)
-        return _Load(rows, given, rest, float(np.sqrt(oscillation2)))
+        return _Load(rows, given, rest, (in_parts, beside), float(np.linalg.norm(oscillation)))
 
-    def _body_force(self, scene: Scene) -> tuple[Array, Array | None, float]:
-        """Return f at the centres, slopes of a linear f, and the square of what its rest can do.
+    def _body_force(self, scene: Scene) -> tuple[Array, Array | None, Array]:
+        """Return f at the centres, slopes of a linear f, and what its rest can do (t,).
 
         f: (2,), or (t, 2) where it varies;  slopes: (t, 2, 2), None for a constant f
         """
         mesh = self.level.mesh
+        oscillation2 = np.zeros(len(mesh.triangles))
         numbers = [component for component in scene.f if not isinstance(component, Expression)]
         if len(numbers) == 2:
-            return np.array(numbers, dtype=float), None, 0.0
-        corner_values, oscillation2 = [], 0.0
+            return np.array(numbers, dtype=float), None, oscillation2
+        corner_values = []
         for component in scene.f:
             if is_linear(component):
                 corner_values.append(values_at(component, mesh.corners))
                 continue
             linear, rest = linear_in_triangles(mesh, component)
             corner_values.append(linear)
-            oscillation2 += float((poincare(mesh) * self._korn(scene)) ** 2 @ rest)
+            oscillation2 += (poincare(mesh) * self._korn(scene)) ** 2 * rest
         at_corners = np.stack(corner_values, axis=2)
         slope = np.einsum("tki,tkc->tic", at_corners, mesh.slopes)
-        return at_corners.mean(axis=1), slope, oscillation2
+        return at_corners.mean(axis=1), slope, np.sqrt(oscillation2)
 
     def _korn(self, scene: Scene) -> Array:
         """Return R_K/√2μ (t,) of oscillation.py."""

@@ -11,7 +11,7 @@ Hybrid:     unknowns w are displacements at the two Gauss points of every edge, 
             ‖τ‖² in the norm of complementary energy.
 Contact:    the normal displacement is held, the tangential ones are kept: Â (2s, 2s) for s segments
             of Γ_C, with the weights c = h/2, is a contact problem like that of P1. Its compliance
-            is less than the body's where that of P1 is more: energies come from the other side, and
+            is more than the body's where that of P1 is less: energies come from the other side, and
             nothing locks for ν → ½, as c⁻¹ stays bounded.
 Loads:      f constant, βθ linear on a triangle: τ = N G⁻¹(Pᵀw − q) + τ_p, τ_p = −diag(f_x (x −
             x_z), f_y (y − y_z)), q = ∫c⁻¹N:(τ_p + βθI); K̂w = ĝ + Σ_K (P G⁻¹q − P_p), P_p the

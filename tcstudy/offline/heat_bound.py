@@ -1,32 +1,36 @@
 """How far a computed temperature is from that of the body, in the norm that loads the body.
 
-θ_h is the P1 temperature and ε = θ − θ_h its error. With ρ = β²/(λ + μ),
+θ_h is the P1 temperature. With ρ = β²/(λ + μ),
 
     c(s,t) = ∫k∇s·∇t + ∫_{Γ_θ} αst,   ‖t‖²_c = c(t,t),   ‖t‖²_ρ = ∫ρt².
 
-The error of the displacement grows by no more than ‖ε‖_ρ (error_bound.py), and ‖ε‖_ρ ≤ T := M_h
-η_θ.
+A quadratic t with the P1 temperature Pt = θ_h (heat_quadratic.py) loads τ. What it leaves out adds
+‖θ − t‖_ρ to the error of the displacement (error_bound.py). With ε = θ − t
 
-η_θ:  Let p have div p = −q and p·n = flux on edges without exchange. Then
-      c(ε,ε) = ∫(p − k∇θ_h)·∇ε − ∫_{Γ_θ}(p·n + α(θ_h − θ̄))ε, so that
-          ‖ε‖²_c ≤ η²_θ = ‖k^{−½}(p − k∇θ_h)‖² + ‖α^{−½}(p·n + α(θ_h − θ̄))‖²_{Γ_θ}.
+    ‖ε‖_ρ ≤ T := M_h η_t.
+
+η_t:  Let p have div p = −q and p·n = flux on edges without exchange. Then
+      c(ε,ε) = ∫(p − k∇t)·∇ε − ∫_{Γ_θ}(p·n + α(t − θ̄))ε, so that
+          ‖ε‖²_c ≤ η²_t = ‖k^{−½}(p − k∇t)‖² + ‖α^{−½}(p·n + α(t − θ̄))‖²_{Γ_θ}.
 p:    BDM1, linear on every triangle with p·n continuous, in hybrid form. F are the moments of p·n
       at the Gauss points of a triangle's sides, G = ∫k⁻¹p·p in them, r = G⁻¹1, s = 1ᵀr. The
       multipliers ϑ are temperatures at the Gauss points of the edges (2 an edge):
           K̂ = Σ G⁻¹ − rrᵀ/s,   (K̂ + diag αh/2)ϑ = Σ r q|K|/s + αh/2 θ̄ + h/2 flux,
           F = K̂ϑ − r q|K|/s.
 M_h:  M²_h = κ²_h + max ρ(h_K/j₁₁)²/k. κ²_h is the largest eigenvalue of (S_dual − S_P1)g = κ²ρ|K|g
-      over piecewise constant sources: the compliance of BDM1 less that of P1. ε is orthogonal to P1
-      in c, hence ‖ε‖²_ρ = c((I − P)z, ε), with z the temperature of the source ρε and P the
-      projection onto P1. The mean of ε on each triangle gives at most κ_h, the rest (h/j₁₁)√(ρ/k)
-      by Poincaré's inequality. z has no better approximation in a smaller space, so that M_H of a
-      mesh of which this one is a refinement serves too.
+      over piecewise constant sources: the compliance of BDM1 less that of P1. As Pε = 0 for the
+      projection P onto P1, ‖ε‖²_ρ = c((I − P)z, ε), with z the temperature of the source ρε. The
+      mean of ε on each triangle gives at most κ_h, the rest (h/j₁₁)√(ρ/k) by Poincaré's inequality.
+      z has no better approximation in a smaller space, so that M_H of a mesh of which this one is a
+      refinement serves too.
+T:    M_h is that of the worst source, so that T may be far above ‖ε‖_ρ. Where it is not small
+      beside η, also ‖ε‖_ρ ≤ ‖t − t*‖_ρ + T* with t* and T* of a refinement of the mesh.
 κ_h:  from Lanczos, which is from below; then proved from above. With t a little greater,
           [K̂ + diag αh/2, 0, B; 0, −A, F; Bᵀ, Fᵀ, t²/ρ|K| − 1/s]
       has as many negative pivots as A (P1) has rows if and only if κ_h < t.
 Data: sources that vary on a triangle, and fluxes and θ̄ that are not linear on a segment. Their
-      means and linear parts go into p, and the rest adds to η²_θ what oscillation.py says, α‖rest‖²
-      of θ̄.
+      means and linear parts go into p, and the rest adds to η_t what oscillation.py says; that of
+      θ̄, orthogonal to what is linear, adds α‖rest‖² to η²_t.
 Literature: X. Liu and S. Oishi, SIAM J. Numer. Anal. 51 (2013) 1634–1654 (the constant M_h).
 Left out: held temperatures that are not linear on an edge.
 
@@ -49,9 +53,10 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, condense
 from tcstudy.condense.condensation import NotPositiveDefinite
 from tcstudy.expressions.expression import Expression, Scalar
-from tcstudy.fem.forms import values_at
-from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.offline.heat import Recent, relative_k, to_digits
+from tcstudy.fem.forms import ElasticForms, values_at
+from tcstudy.fem.meshes import PlaneMesh, refine
+from tcstudy.offline.heat import Recent, Temperatures, relative_k, to_digits
+from tcstudy.offline.heat_quadratic import BubbleForm, QuadraticTemperature
 from tcstudy.offline.oscillation import (
     linear_on_segments,
     mean_in_triangles,
@@ -69,12 +74,22 @@ LANCZOS_TOLERANCE = 0.03
 LANCZOS_VECTORS = 6
 SMALL = 0.1
 """T relative to η of the displacement up to which the constant of a coarser mesh serves."""
+HALVINGS = 2
+"""Refinements of a mesh for a temperature closer to θ, where T is not small."""
+MAX_FINER = 20_000
+"""Most triangles of such a refinement."""
+MEMORY = 1e8
+"""Bytes of temperatures that it keeps."""
 MARGINS = (1.02, 1.1, 1.5, 3.0)
 """Factors of κ²_h for which the bound from above is tried in turn."""
 MAX_ROUNDING = 1e-6
 """Largest rounding error of the pivots with which signs are counted, relative to the matrix.
 
 The smallest margin changes the last block, scaled to 1, by 0.02."""
+
+
+MASS_ROOT: Array = np.asarray(np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 12.0).T)
+"""Its square is the mass matrix of linear functions on a triangle of area 1."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +107,24 @@ class HeatData:
     held: NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class HeatLoads:
+    """The loads of a heat problem as BDM1 has them.
+
+    heat:        (t,) total heat of triangles [W/m]
+    inflow:      (s, 2) αθ̄ + flux at the Gauss points of segments, times half their length [W/m]
+    given:       (s, 2) held temperatures at the Gauss points [K]
+    ambient:     Σ α‖rest of θ̄‖² [W K/m]
+    oscillation: bound of what the rest of the sources and fluxes does [√(W K/m)]
+    """
+
+    heat: Array
+    inflow: Array
+    given: Array
+    ambient: float
+    oscillation: float
+
+
 def thermal_weight(mesh: PlaneMesh, scene: Scene) -> Array:
     """Return ρ = β²/(λ + μ) (t,) of the triangles [Pa/K²]."""
     beta, lam, mu = (mesh.of_material(scene, name) for name in ("beta", "lam", "mu"))
@@ -106,7 +139,7 @@ class FluxElements:
 
     def __init__(self, mesh: PlaneMesh, k: Array) -> None:
         """k: (t,) conductivity, in any unit."""
-        self.mesh = mesh
+        self.mesh, self._k = mesh, k
         edges, edge_of_side = mesh.edges
         self.n_edges = len(edges)
         self.number = edge_of_side.ravel()[mesh.sides_at(mesh.segments)]
@@ -116,8 +149,7 @@ class FluxElements:
         self.rows: Indices = (gauss * self.n_edges + edge_of_side[..., None]).reshape(-1, 6)
         corner_flux = self._corner_fluxes()
         # G = RᵀR by QR of the fluxes themselves: their products would lose twice as many digits
-        mass_root = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 12.0).T
-        samples = np.einsum("ij,tjdm->tidm", mass_root, corner_flux).reshape(-1, 6, 6)
+        samples = np.einsum("ij,tjdm->tidm", MASS_ROOT, corner_flux).reshape(-1, 6, 6)
         self._samples = samples * np.sqrt(mesh.area / k)[:, None, None]
         R = np.asarray(np.linalg.qr(self._samples, mode="r"))
         half = np.linalg.inv(R)
@@ -144,7 +176,7 @@ class FluxElements:
             along_arriving = np.multiply.outer(sides[:, arriving], outflow_leaving)
             along_leaving = np.multiply.outer(sides[:, leaving], outflow_arriving)
             flux[:, corner] = along_arriving - along_leaving
-        return -flux / (2.0 * self.mesh.area)[:, None, None, None]
+        return flux / (2.0 * self.mesh.area)[:, None, None, None]
 
     def stiffness(self) -> sp.csr_array:
         """Return K̂ (2e, 2e)."""
@@ -158,19 +190,22 @@ class FluxElements:
         np.add.at(load, self.rows, self.r * (heat / self.s)[:, None])
         return load
 
-    def distance(self, theta: Array, potentials: Array, heat: Array) -> float:
-        """Return ‖k^{−½}(p − k∇θ_h)‖² for the multipliers (2e,) of p.
+    def distance(self, t: QuadraticTemperature, potentials: Array, heat: Array) -> float:
+        """Return ‖k^{−½}(p − k∇t)‖² for the multipliers (2e,) of p.
 
-        theta: (n,) θ_h;  heat: (t,) total heat of the triangles' sources
+        heat: (t,) total heat of the triangles' sources
         """
-        # k∇θ_h is the flux of θ_h at the Gauss points without a source: its part cancels exactly
-        edges, _ = self.mesh.edges
-        first, second = theta[edges].T
+        # k∇ of the P1 part is its flux at the Gauss points without a source: it cancels exactly
+        mesh = self.mesh
+        edges, _ = mesh.edges
+        first, second = t.nodal[edges].T
         at_gauss = np.concatenate([(1.0 - g) * first + g * second for g in GAUSS])
         difference = (potentials - at_gauss)[self.rows]
         moments = np.einsum("tij,tj->ti", self.local, difference)
         moments -= self.r * (heat / self.s)[:, None]
-        return float(np.sum(np.einsum("tij,tj->ti", self._samples, moments) ** 2))
+        samples = np.einsum("tij,tj->ti", self._samples, moments)
+        slopes = MASS_ROOT @ t.bubble_slopes(mesh) * np.sqrt(self._k * mesh.area)[:, None, None]
+        return float(np.sum((samples - slopes.reshape(-1, 6)) ** 2))
 
 
 class _Solver:
@@ -202,30 +237,73 @@ class HeatBounds:
     def __init__(self, mesh: PlaneMesh) -> None:
         self.mesh = mesh
         self._dual_factors = Recent[tuple[FluxElements, sp.csr_array, Condensation]](4)
+        self._p1_factors = Recent[tuple[sp.csr_array, Condensation]](4)
+        self._improved = Recent[QuadraticTemperature](4)
+        self._temperatures = Recent[Temperatures](4)
+        self._of_finer = Recent[float](64)
         self._constants = _CONSTANTS.setdefault(mesh, Recent[float](256))
         self._energies = Recent[float](64)
 
     def bound(self, scene: Scene, theta: Array, residual: float = 0.0) -> float:
-        """Return T [√(J/m)] of the P1 temperature θ_h (n,), NaN where it is not proved.
+        """Return T = M_h η_t ≥ ‖θ − t‖_ρ [√(J/m)] of the improved P1 temperature θ_h (n,).
+
+        It is NaN where it is not proved.
 
         residual: η that T is added to; a T that is small beside it may come from a coarser mesh
         """
         key = scene.boundary, scene.heat, scene.material
         try:
-            energy = self._energies.of(key, lambda: self.energy(scene, theta))
+            t = self.improved(scene, theta)
+            energy = self._energies.of(key, lambda: self.energy(scene, t))
             coarse = self._coarse(scene)
             if coarse is not None:
                 bound = coarse.constant(scene) * energy
                 if bound <= SMALL * residual:
                     return bound
-            return self.constant(scene) * energy
+            own = self.constant(scene) * energy
+            if own <= SMALL * residual or self._is_curved(scene) or self.finer is None:
+                return own
         except NotPositiveDefinite:  # to rounding: nearly no exchange of heat
             return float("nan")
+        finer = self.finer
+        by_finer = self._of_finer.of(key, lambda: finer.bound_of_coarse(scene, t, self.mesh))
+        return float(np.fmin(own, by_finer))
+
+    def bound_of_coarse(self, scene: Scene, t: QuadraticTemperature, coarse: PlaneMesh) -> float:
+        """Return ‖t − t*‖_ρ + T of the own t*, a bound of ‖θ − t‖_ρ for t of a coarser mesh.
+
+        It is NaN where it is not proved.
+        """
+        mesh = self.mesh
+        key = tuple(edge for edge, _, _ in scene.exchange), tuple(dict(scene.held_theta))
+        temperatures = self._temperatures.of(
+            key, lambda: Temperatures(ElasticForms(mesh), scene, (), MEMORY)
+        )
+        own = self.improved(scene, temperatures.of(scene).theta)
+        change = t.refined(coarse, mesh).less(own)
+        try:
+            T = self.constant(scene) * self.energy(scene, own)
+        except NotPositiveDefinite:
+            return float("nan")
+        return change.norm(mesh, thermal_weight(mesh, scene)) + T
+
+    @cached_property
+    def finer(self) -> HeatBounds | None:
+        """The bounds of a refinement of a small mesh, None of others."""
+        mesh = self.mesh
+        for _ in range(HALVINGS):
+            if 4 * len(mesh.triangles) <= MAX_FINER:
+                mesh = refine(mesh)
+        return None if mesh is self.mesh else HeatBounds(mesh)
+
+    def _is_curved(self, scene: Scene) -> bool:
+        """Whether a refinement is another polygon than the mesh."""
+        return bool(self.mesh.geometry.curved or scene.body.curved_regions)
 
     def _coarse(self, scene: Scene) -> HeatBounds | None:
         """Return the bounds of a coarser mesh of the same body, whose constant holds here too."""
         coarse = self.mesh.ancestor
-        if coarse is None or self.mesh.geometry.curved or scene.body.curved_regions:
+        if coarse is None or self._is_curved(scene):
             return None
         return HeatBounds(coarse)
 
@@ -260,43 +338,76 @@ class HeatBounds:
 
     # -- the energy of the error -------------------------------------------------------------------
 
-    def energy(self, scene: Scene, theta: Array) -> float:
-        """Return η_θ ≥ ‖θ − θ_h‖_c of the P1 temperature θ_h (n,) [√(W K/m)]."""
-        mesh, data = self.mesh, self.data(scene)
-        elements, K, condensation = self.dual(scene, data)
-        conductivity = scene.material.k or 1.0
-        half = 0.5 * mesh.boundary.length
-        number, n_edges = elements.number, elements.n_edges
+    def loads(self, scene: Scene, data: HeatData) -> HeatLoads:
+        """Return the loads of a scene."""
+        mesh = self.mesh
+        length = mesh.boundary.length
         heat, source_rest = self._sources(scene)
-        eta2 = float(poincare(mesh) ** 2 / data.k @ source_rest)
-        flux, ambient = np.zeros((len(half), 2)), np.zeros((len(half), 2))
-        trace2 = trace_constants(mesh) ** 2 / data.k[mesh.owner]
+        oscillation = poincare(mesh) * np.sqrt(source_rest / data.k)
+        inflow, given = np.zeros((len(length), 2)), np.zeros((len(length), 2))
+        trace = trace_constants(mesh) / np.sqrt(data.k[mesh.owner])
         for name, value in scene.flux:
             on = mesh.on(name)
-            flux[on], rest = self._on_segments(value, on)
-            eta2 += float(trace2[on] @ rest)
+            inflow[on], rest = self._on_segments(value, on)
+            oscillation += mesh.from_segments(trace[on] * np.sqrt(rest), np.flatnonzero(on))
+        ambient = 0.0
         for name, alpha, theta_bar in scene.exchange:
             on = mesh.on(name)
-            ambient[on], rest = self._on_segments(theta_bar, on)
-            eta2 += alpha * float(rest.sum())
-        given = np.zeros((2, n_edges))
+            surroundings, rest = self._on_segments(theta_bar, on)
+            inflow[on] += alpha * surroundings
+            ambient += alpha * float(rest.sum())
         for name, value in scene.held_theta:
             on = mesh.on(name)
-            given[:, number[on]] = self._on_segments(value, on)[0].T
-        load = elements.source(heat / conductivity)
-        edge_load = np.zeros((2, n_edges))
-        inflow = (data.alpha[:, None] * ambient + flux) * half[:, None] / conductivity
-        edge_load[:, number] = inflow.T
-        load += edge_load.ravel() - K @ given.ravel()
+            given[on], _ = self._on_segments(value, on)
+        inflow *= 0.5 * length[:, None]
+        return HeatLoads(heat, inflow, given, ambient, float(np.linalg.norm(oscillation)))
+
+    def energy(self, scene: Scene, t: QuadraticTemperature) -> float:
+        """Return η_t ≥ ‖θ − t‖_c [√(W K/m)]."""
+        mesh, data = self.mesh, self.data(scene)
+        elements, K, condensation = self.dual(scene, data)
+        loads = self.loads(scene, data)
+        conductivity = scene.material.k or 1.0
+        number, n_edges = elements.number, elements.n_edges
+        heat = loads.heat / conductivity
+        given, edge_load = np.zeros((2, n_edges)), np.zeros((2, n_edges))
+        given[:, number] = loads.given.T
+        edge_load[:, number] = loads.inflow.T / conductivity
+        load = elements.source(heat) + edge_load.ravel() - K @ given.ravel()
         solver = self.with_exchange(condensation, data, conductivity)
         potentials = given.ravel() + solver.solve(load)
-        eta2 += conductivity * elements.distance(theta, potentials, heat / conductivity)
+        eta2 = loads.ambient + conductivity * elements.distance(t, potentials, heat)
         on = data.alpha > 0.0
-        ends = theta[np.sort(mesh.segments[on], axis=1)]
+        ends = t.nodal[np.sort(mesh.segments[on], axis=1)]
+        bubbles = t.bubbles[number[on]]
         at_gauss = np.stack([(1.0 - g) * ends[:, 0] + g * ends[:, 1] for g in GAUSS], axis=1)
         jump = at_gauss - potentials.reshape(2, -1)[:, number[on]].T
-        eta2 += float((data.alpha * half)[on] @ (jump**2).sum(axis=1))
-        return float(np.sqrt(eta2))
+        # a bubble is ⅔ there; the rest of it, −⅔ of a Legendre polynomial, has the square 4/45
+        jump += 2.0 / 3.0 * bubbles[:, None]
+        squares = 0.5 * (jump**2).sum(axis=1) + 4.0 / 45.0 * bubbles**2
+        eta2 += float((data.alpha * mesh.boundary.length)[on] @ squares)
+        return float(np.sqrt(eta2)) + loads.oscillation
+
+    def improved(self, scene: Scene, theta: Array) -> QuadraticTemperature:
+        """Return a quadratic temperature with the P1 temperature θ_h (n,), θ_h where there is none.
+
+        The last few are kept.
+        """
+        key = scene.boundary, scene.heat, scene.material
+        return self._improved.of(key, lambda: self._new_improved(scene, theta))
+
+    def _new_improved(self, scene: Scene, theta: Array) -> QuadraticTemperature:
+        mesh, data = self.mesh, self.data(scene)
+        loads = self.loads(scene, data)
+        conductivity = scene.material.k or 1.0
+        alpha = data.alpha / conductivity
+        form = BubbleForm(mesh, data.k / conductivity, alpha, data.held)
+        residual = form.residual(theta, loads.heat / conductivity, loads.inflow / conductivity)
+        try:
+            solver, _ = self.p1(scene, data)
+        except NotPositiveDefinite:  # to rounding: nearly no exchange of heat
+            return QuadraticTemperature(theta, np.zeros_like(residual))
+        return form.corrected(theta, residual, solver.solve)
 
     def dual(self, scene: Scene, data: HeatData) -> tuple[FluxElements, sp.csr_array, Condensation]:
         """Return BDM1 with k relative to the body's own, and its matrix condensed onto Γ_θ."""
@@ -328,6 +439,45 @@ class HeatBounds:
         on = data.alpha > 0.0
         weights = 0.5 * self.mesh.boundary.length[on] * data.alpha[on] / conductivity
         return _Solver(condensation, np.diag(np.tile(weights, 2)))
+
+    def held_nodes(self, data: HeatData) -> NDArray[np.bool_]:
+        """Return which nodes (n,) have a given temperature."""
+        held = np.zeros(self.mesh.n_points, dtype=bool)
+        held[self.mesh.segments[data.held]] = True
+        return held
+
+    def p1(self, scene: Scene, data: HeatData) -> tuple[_Solver, sp.csr_array]:
+        """Return the solver of P1 with k relative to the body's own, and its matrix (n, n)."""
+        mesh, held = self.mesh, self.held_nodes(data)
+        conductivity = scene.material.k or 1.0
+        on = data.alpha > 0.0
+        alpha = data.alpha[on] / conductivity
+        key = relative_k(scene), tuple(map(bool, data.alpha)), tuple(data.held)
+        segments, lengths = mesh.segments[on], mesh.boundary.length[on] * alpha
+        nodes_of_exchange = np.unique(segments)
+        is_free = ~held[nodes_of_exchange]
+        kept = nodes_of_exchange[is_free]
+        conduction, condensation = self._p1_factors.of(
+            key, lambda: self._new_p1(data.k / conductivity, kept, held)
+        )
+        ends = np.searchsorted(nodes_of_exchange, segments)
+        exchange = segment_mass(ends, lengths, len(nodes_of_exchange))[np.ix_(is_free, is_free)]
+        place = np.repeat(kept, len(kept)), np.tile(kept, len(kept))
+        added = sp.coo_array((exchange.ravel(), place), shape=conduction.shape).tocsr()
+        added.eliminate_zeros()
+        return _Solver(condensation, exchange), sp.csr_array(conduction + added)
+
+    def _new_p1(
+        self, k: Array, kept: Indices, held: NDArray[np.bool_]
+    ) -> tuple[sp.csr_array, Condensation]:
+        mesh = self.mesh
+        entries = np.einsum("tid,tjd,t->tij", mesh.slopes, mesh.slopes, k * mesh.area)
+        nodes, n = mesh.triangles, mesh.n_points
+        place = np.repeat(nodes, 3, axis=1).ravel(), np.tile(nodes, (1, 3)).ravel()
+        conduction = sp.coo_array((entries.ravel(), place), shape=(n, n)).tocsr()
+        is_inner = ~held
+        is_inner[kept] = False
+        return conduction, condense(conduction, mesh.points, kept, is_inner, components=1)
 
     # -- the constant of the norm ------------------------------------------------------------------
 
@@ -381,35 +531,8 @@ class CompliancePair:
         is_held[:, self.elements.number[data.held]] = True
         self._dual_free = np.flatnonzero(~is_held.ravel())
         self._dual_matrix = sp.csr_array(K + sp.diags_array(robin))
-        # P1
-        slopes = mesh.slopes
-        size = data.k / conductivity * mesh.area
-        entries = np.einsum("tid,tjd,t->tij", slopes, slopes, size)
-        nodes = mesh.triangles
-        place = np.repeat(nodes, 3, axis=1).ravel(), np.tile(nodes, (1, 3)).ravel()
-        n = mesh.n_points
-        conduction = sp.coo_array((entries.ravel(), place), shape=(n, n)).tocsr()
-        segments, lengths = mesh.segments[on], mesh.boundary.length[on] * alpha
-        held_nodes = np.zeros(n, dtype=bool)
-        held_nodes[mesh.segments[data.held]] = True
-        nodes_of_exchange = np.unique(segments)
-        ends = np.searchsorted(nodes_of_exchange, segments)
-        exchange = segment_mass(ends, lengths, len(nodes_of_exchange))
-        is_free = ~held_nodes[nodes_of_exchange]
-        kept = nodes_of_exchange[is_free]
-        is_inner = ~held_nodes
-        is_inner[kept] = False
-        exchange = exchange[np.ix_(is_free, is_free)]
-        self._p1 = _Solver(
-            condense(conduction, mesh.points, kept, is_inner, components=1), exchange
-        )
-        self._p1_free = np.flatnonzero(~held_nodes)
-        added = sp.coo_array(
-            (exchange.ravel(), (np.repeat(kept, len(kept)), np.tile(kept, len(kept)))), shape=(n, n)
-        )
-        added = added.tocsr()
-        added.eliminate_zeros()
-        self._p1_matrix = sp.csr_array(conduction + added)
+        self._p1, self._p1_matrix = bounds.p1(scene, data)
+        self._p1_free = np.flatnonzero(~bounds.held_nodes(data))
 
     @cached_property
     def _source_columns(self) -> tuple[sp.csr_array, sp.csr_array]:

@@ -40,7 +40,7 @@ PARTS = (
     "equilibrium elements of the triangles",
     "their assembly and factorisation",
     "loads, contact problem, M",
-    "flux of the temperature, η_θ",
+    "temperature that is quadratic, its flux, η_t",
     "M_h of a coarser mesh",
 )
 OWN = "M_h of this mesh, only where T is large"
@@ -84,7 +84,7 @@ def costs(mesh: PlaneMesh, scene: Scene) -> list[float]:
     elements = seconds(level.dual(scene)[0].elements.factorised)
     heat, ancestor = bounds._heat, mesh.ancestor
     assert ancestor is not None
-    flux = seconds(lambda: heat.energy(scene, theta))
+    flux = seconds(lambda: heat.energy(scene, heat.improved(scene, theta)))
     coarse = seconds(lambda: HeatBounds(ancestor).constant(scene))
     heat.bound(scene, theta, residual=np.inf)  # is kept for `look`
     rest = seconds(lambda: bounds.look(scene, v))

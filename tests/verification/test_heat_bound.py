@@ -2,7 +2,6 @@
 and random heated scenes against meshes refined thrice."""
 
 import json
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +11,23 @@ import yaml
 from numpy.typing import NDArray
 
 import tcstudy
-from tcstudy.accuracy.norms import prolongation
 from tcstudy.fem import meshes
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.error_bound import ErrorBounds
-from tcstudy.offline.heat_bound import CompliancePair, HeatBounds
+from tcstudy.offline.heat_bound import SMALL, CompliancePair, HeatBounds
+from tcstudy.offline.heat_quadratic import QuadraticTemperature
 from tcstudy.offline.oscillation import TRIANGLE_POINTS, TRIANGLE_WEIGHTS
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
 from tests.verification.test_error_bound import bounded, loaded_scene_of
 
 Array = NDArray[np.float64]
+
+
+def linear(mesh: PlaneMesh, theta: Array) -> QuadraticTemperature:
+    """Return the P1 temperature itself."""
+    return QuadraticTemperature(theta, np.zeros(len(mesh.edges[0])))
+
 
 PARABOLA = """
 units: none
@@ -54,9 +59,12 @@ def test_the_energy_of_an_exact_temperature_is_its_error(alpha: float) -> None:
         energy += alpha * float(mesh.boundary.length[at_top] @ square)
         rho = bounds.data(scene).rho
         norm = float(np.sqrt(rho * mesh.area @ (error**2 @ TRIANGLE_WEIGHTS)))
-        assert bounds.energy(scene, theta) == pytest.approx(np.sqrt(energy), rel=1e-9)
-        assert norm <= bounds.bound(scene, theta) <= 1.7 * norm
+        eta = bounds.energy(scene, linear(mesh, theta))
+        assert eta == pytest.approx(np.sqrt(energy), rel=1e-9)
         constants.append(bounds.constant(scene))
+        assert norm <= constants[-1] * eta <= 1.7 * norm
+        # t is θ but for the residual at which conjugate gradients end
+        assert bounds.bound(scene, theta) < 0.1 * norm
     assert constants[1] < 0.55 * constants[0]
     assert constants[2] < 0.55 * constants[1]
 
@@ -81,7 +89,9 @@ mesh: {maxh: 0.3}
     theta = level.temperature(scene).theta
     x, y = level.mesh.points.T
     assert theta == pytest.approx(3.0 + y + 0.4 * x, abs=1e-12)
-    assert HeatBounds(level.mesh).energy(scene, theta) < 1e-10
+    bounds = HeatBounds(level.mesh)
+    assert bounds.energy(scene, linear(level.mesh, theta)) < 1e-10
+    assert bounds.energy(scene, bounds.improved(scene, theta)) < 1e-10
 
 
 def test_the_constant_is_proved_from_above() -> None:
@@ -159,17 +169,18 @@ def test_no_error_of_a_heated_body_is_above_its_bound(seed: int) -> None:
     assert error <= bound <= 5.0 * error
 
 
-def temperature_errors(text: str) -> tuple[float, float, float, float]:
-    """Return ‖θ − θ_h‖_c and ‖θ − θ_h‖_ρ against the mesh refined thrice, and their bounds."""
+def temperature_errors(text: str, quadratic: bool) -> tuple[float, float, float, float]:
+    """Return ‖θ − t‖_c and ‖θ − t‖_ρ against the mesh refined thrice, and their bounds.
+
+    quadratic: whether t is the improved temperature, not that of P1
+    """
     study = study_of(text, "mesh.levels=4")
     scene, levels = study.scenes[0], levels_of(study)
-    coarse_theta = levels[0].temperature(scene).theta
-    theta = coarse_theta
-    for coarse, fine in pairwise(levels):
-        mesh = fine.mesh
-        theta = prolongation(coarse.mesh.n_points, mesh.points, mesh.triangles) @ theta
-    mesh = levels[-1].mesh
-    error = levels[-1].temperature(scene).theta - theta
+    coarse, mesh = levels[0].mesh, levels[-1].mesh
+    theta, bounds = levels[0].temperature(scene).theta, HeatBounds(coarse)
+    t = bounds.improved(scene, theta) if quadratic else linear(coarse, theta)
+    values = t.at(coarse, mesh.points)
+    error = levels[-1].temperature(scene).theta - values
     data = HeatBounds(mesh).data(scene)
     energy = float(mesh.area @ (data.k * (mesh.gradient(error) ** 2).sum(axis=1)))
     first, second = error[mesh.segments].T
@@ -178,21 +189,58 @@ def temperature_errors(text: str) -> tuple[float, float, float, float]:
     corners = error[mesh.triangles]
     square = ((corners**2).sum(axis=1) + corners.sum(axis=1) ** 2) / 12.0
     norm = float(np.sqrt(mesh.area @ (data.rho * square)))
-    bounds = HeatBounds(levels[0].mesh)
-    eta = bounds.energy(scene, coarse_theta)
-    return float(np.sqrt(energy)), norm, eta, bounds.bound(scene, coarse_theta)
+    eta = bounds.energy(scene, t)
+    T = bounds.bound(scene, theta) if quadratic else bounds.constant(scene) * eta
+    return float(np.sqrt(energy)), norm, eta, T
 
 
+@pytest.mark.parametrize("quadratic", [False, True])
 @pytest.mark.parametrize("seed", range(3, 6))
-def test_no_error_of_a_temperature_is_above_its_bound(seed: int) -> None:
+def test_no_error_of_a_temperature_is_above_its_bound(seed: int, quadratic: bool) -> None:
     text, _ = heated_scene_of(seed)
     if seed == 5:  # data that are not as the elements have them
         scene = yaml.safe_load(text)
         scene["heat"]["q"] = f"({scene['heat']['q']!r})*exp(3*x/{_width(scene)!r})"
         text = json.dumps(scene)
-    energy, norm, eta, bound = temperature_errors(text)
+    energy, norm, eta, bound = temperature_errors(text, quadratic)
     assert energy <= eta * (1 + 1e-9) <= 2.5 * energy
     assert norm <= bound <= 20.0 * norm
+
+
+def test_a_temperature_of_a_coarse_mesh_is_the_same_on_a_finer_one() -> None:
+    study = study_of(PARABOLA.replace("ALPHA", "1"))
+    coarse, finer = (level.mesh for level in levels_of(study)[::2])
+    rng, rho = np.random.default_rng(5), np.ones(len(coarse.triangles))
+    t = QuadraticTemperature(
+        rng.normal(size=coarse.n_points), rng.normal(size=len(coarse.edges[0]))
+    )
+    on_finer = t.refined(coarse, finer)
+    norm = on_finer.norm(finer, np.ones(len(finer.triangles)))
+    assert norm == pytest.approx(t.norm(coarse, rho), rel=1e-10)
+    by_quadrature = np.einsum("qc,tcd->tqd", TRIANGLE_POINTS, coarse.corners)
+    values = t.at(coarse, by_quadrature.reshape(-1, 2)).reshape(len(rho), -1)
+    assert norm == pytest.approx(np.sqrt(coarse.area @ (values**2 @ TRIANGLE_WEIGHTS)), rel=1e-10)
+    linear_norm, beside = QuadraticTemperature(0.0 * t.nodal, t.bubbles), t.rest(coarse, rho)
+    mean_square = linear_norm.norm(coarse, rho) ** 2
+    assert 0.0 < beside[0] ** 2 + beside[1] ** 2 < 0.3 * mean_square
+
+
+@pytest.mark.parametrize("alpha", [1e-9, 1.0, 1e9])
+def test_the_improved_temperature_has_that_of_p1(alpha: float) -> None:
+    """c(t − θ_h, 1) = 0: its part on the edge that exchanges heat is 0 in the mean."""
+    study = study_of(PARABOLA.replace("ALPHA", repr(alpha)))
+    scene, level = study.scenes[0], levels_of(study)[1]
+    mesh, theta = level.mesh, level.temperature(scene).theta
+    t = HeatBounds(mesh).improved(scene, theta)
+    change = t.less(linear(mesh, theta))
+    at_top = mesh.on("top")
+    number = mesh.edges[1].ravel()[mesh.sides_at(mesh.segments[at_top])]
+    ends = change.nodal[mesh.segments[at_top]].mean(axis=1)
+    means = ends + 2.0 / 3.0 * change.bubbles[number]
+    largest = np.abs(change.bubbles).max()
+    assert abs(mesh.boundary.length[at_top] @ means) < 1e-12 * max(largest, np.abs(theta).max())
+    exact = 1.0 - mesh.points[:, 1] ** 2 + 2.0 / alpha
+    assert np.abs(t.nodal - exact).max() < 0.05 * largest  # as conjugate gradients end
 
 
 def _width(scene: dict[str, Any]) -> float:
@@ -204,6 +252,7 @@ def test_without_the_bound_of_the_temperature_some_errors_are_above(
 ) -> None:
     """So that the tests above can fail."""
     monkeypatch.setattr(ErrorBounds, "thermal_part", lambda *_: 0.0)
+    monkeypatch.setattr(HeatBounds, "improved", lambda bounds, _, theta: linear(bounds.mesh, theta))
     error, bound, _ = bounded(heated_scene_of(22)[0])
     assert bound < 0.95 * error
 
@@ -223,10 +272,11 @@ def test_the_constant_of_a_coarser_mesh_is_greater_and_serves_where_t_is_small(
     theta, bounds = last.temperature(scene).theta, HeatBounds(last.mesh)
     of_coarse, own = HeatBounds(coarse).constant(scene), bounds.constant(scene)
     assert own <= of_coarse
-    energy = bounds.energy(scene, theta)
+    energy = bounds.energy(scene, bounds.improved(scene, theta))
+    least = of_coarse * energy / SMALL
     assert bounds.bound(scene, theta) == own * energy
-    assert bounds.bound(scene, theta, residual=10.1 * of_coarse * energy) == of_coarse * energy
-    assert bounds.bound(scene, theta, residual=9.9 * of_coarse * energy) == own * energy
+    assert bounds.bound(scene, theta, residual=1.01 * least) == of_coarse * energy
+    assert bounds.bound(scene, theta, residual=0.99 * least) == own * energy
 
 
 def test_a_mesh_with_arcs_goes_by_its_own_constant(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,7 +289,7 @@ def test_a_mesh_with_arcs_goes_by_its_own_constant(monkeypatch: pytest.MonkeyPat
     mesh, theta = levels[-1].mesh, levels[-1].temperature(scene).theta
     bounds = HeatBounds(mesh)
     assert mesh.ancestor is not None
-    T = bounds.constant(scene) * bounds.energy(scene, theta)
+    T = bounds.constant(scene) * bounds.energy(scene, bounds.improved(scene, theta))
     assert bounds.bound(scene, theta, residual=1e6 * T) == T
 
 
