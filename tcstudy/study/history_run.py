@@ -41,7 +41,7 @@ from tcstudy.contact.history.memory import (
     HistoryStep,
     MemoryModel,
 )
-from tcstudy.contact.history.steps import history
+from tcstudy.contact.history.without_law import fast_history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
 from tcstudy.data.reading import stored_steps
@@ -317,7 +317,7 @@ def _history_of(
     """Return the steps to the loads, with friction that knows the pressure where there is some."""
     friction = level.pressure_friction(scene)
     if friction is None:
-        return history(problem, loads, start)
+        return fast_history(problem, loads, start)
     # imported only for such scenes
     from tcstudy.contact.history.pressed import pressed_history
 
@@ -497,7 +497,7 @@ def follow_steps(
     means = list[float]()
     for station in plan.stations():
         means.append(level.temperature(loaded_scene(changed_scene, station)).mean)
-    return zip(history(problem, loads), plan.along(means), strict=False)
+    return zip(fast_history(problem, loads), plan.along(means), strict=False)
 
 
 def step_derivatives(

@@ -203,7 +203,7 @@ def follow_branch(
         if lawful is None:
             path = follower.follow(problem, answer.v, begin, direction, progress)
         else:
-            start = answer.v[lawful.rows]
+            start = answer.v[lawful.elimination.rows]
             path = follower.follow(lawful.problem, start, begin, direction, progress)
             path = lawful.full_path(path)
     except NoSolutionError as error:

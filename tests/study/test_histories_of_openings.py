@@ -9,8 +9,12 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.contact.history.steps import history
+from tcstudy.contact.history.without_law import LawfulHistory, fast_history
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
+from tcstudy.study.history_run import problem_of
+from tcstudy.study.run import level_of
 from tests.study.test_openings import COLUMN, DCB
 
 ARM = DCB.replace("62 mm", "60 mm").replace(", closing: 5e12 Pa/m", "")
@@ -80,6 +84,34 @@ def test_a_history_goes_on_where_its_file_ends(tmp_path: Path) -> None:
     resumed = history_of(text, path, long, *options)
     for name in ("u_T", "opening", "S_N", "kappa_N", "dissipation_N", "energy", "dissipated"):
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
+
+
+def test_slips_without_a_law_may_be_eliminated_before() -> None:
+    """States, energies and works are those with all unknowns, also where a history goes on."""
+    text = COLUMN.replace("MAXH", "0.3").replace("D", "0")
+    steps = (
+        "{boundary.top.u_y: 0.2, in: 4}, {boundary.top.u_y: -0.1, in: 2}, {boundary.top.u_y: 0.25}"
+    )
+    section = f"history={{memory: damage, steps: [{steps}]}}"
+    study = read_study_text(
+        text, "s", [section, "material={E: 20, nu: 0.3}", "boundary.top.u_x=0.01"]
+    )
+    assert study.history
+    level = level_of(study, study.scenes[0], None)
+    problem, loads = problem_of(study.history, level, study.scenes[0], None)
+    expected = list(history(problem, loads))
+    found = list(fast_history(problem, loads))
+    resumed = list(fast_history(problem, loads[4:], found[3]))
+    assert LawfulHistory.of(problem) is not None
+    assert len(expected) == len(found) == len(loads)
+    names = ("v", "xi", "kappa", "dissipation", "energy", "work", "stored", "dissipated", "load")
+    for step, own in zip(expected[-4:] + expected, resumed + found, strict=True):
+        assert own.solved
+        for name in names:
+            value = getattr(step, name)
+            np.testing.assert_allclose(
+                getattr(own, name), value, rtol=1e-9, atol=1e-11, err_msg=name
+            )
 
 
 def test_a_column_is_pulled_pressed_and_pulled_to_its_end(tmp_path: Path) -> None:
