@@ -43,6 +43,9 @@ def judged(
 ) -> Answer:
     """Return the answers of a loose body, those that are no equilibria as failed with the reason.
 
+    Where contact resists the load along every motion, the reason of the solver stays.
+
+
     loads:   (P, m) l̃ [N/m];  laws: of the rows
     motions: (k, m) rigid motions r at the contact DOFs
     name_of: words for a sum of the motions with weights (k,)
@@ -58,11 +61,15 @@ def judged(
     is_solution &= np.all(is_balanced, axis=1)
     least, largest = _extremes(laws, loads.shape)
     reasons = list(answers.reason)
+    status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
     for row in np.flatnonzero(~is_solution).tolist():
         forces = c * least[row], c * largest[row]
         weights, excess = worst_motion(push[row], motions, *forces)
+        is_pushed = np.any(np.abs(push[row]) > MAX_RESIDUAL * size[row])
+        if reasons[row] and is_pushed and excess <= MAX_RESIDUAL:  # it is pressed on all the same
+            status[row] = answers.status[row]
+            continue
         reasons[row] = _reason(name_of(weights), excess, knows_pressure)
-    status = np.where(is_solution, answers.status, Status.NOT_POSITIVE_DEFINITE)
     certificate = answers.certificate
     if certificate is not None:
         unproved = {

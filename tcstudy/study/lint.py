@@ -28,6 +28,7 @@ from tcstudy.errors import NUMBER, GeometryFailed, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.laws.composed import bonded_edges
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN
 from tcstudy.offline.level import motions_of_geometry
 from tcstudy.read.body import edge_names, loose_faults, mesh_faults, supports_fault
@@ -159,7 +160,7 @@ def _loose(study: Study, geometry: Geometry | None) -> Iterator[str]:
     words = f"contact alone restrains the body: it can {moves} once that has failed"
     proofs = "lambda_1 is 0: uniqueness and global minima are proved without softening only"
     remedy = "pull by a displacement where the failure itself is wanted"
-    if scene.opens and not scene.adhesive_edges:
+    if scene.opens and not any(_pulls(law) for _, law, _ in scene.opening_laws.laws):
         words = f"contact alone restrains the body: unless pressed, it can {moves}"
         remedy = "press the body on that edge"
     if study.knows_pressure:
@@ -169,6 +170,12 @@ def _loose(study: Study, geometry: Geometry | None) -> Iterator[str]:
         f"{proofs}, and a point whose load nothing resists fails with this motion as the reason",
         f"{remedy}, or add supports or springs",
     )
+
+
+def _pulls(law: Laws) -> bool:
+    """Return whether a law of the opening resists it anywhere; a base of springs does not."""
+    has_strength = np.any(law.b_right > 0.0) or np.any(law.a[1:] > 0.0)
+    return bool(has_strength or np.any(law.q[1:] > 0.0))
 
 
 def _unloaded(study: Study) -> Iterator[str]:

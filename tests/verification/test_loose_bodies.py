@@ -11,6 +11,7 @@ import tcstudy
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
+from tcstudy.study.lint import lint
 from tests.commands import CONFIGS
 from tests.verification.gallery_forms import LapStrip
 
@@ -296,3 +297,23 @@ def test_a_heavy_slab_slides_beyond_mu_times_its_weight(tmp_path: Path, f_x: flo
         assert finest(tree)["status"].item() == PointStatus.SINGULAR
         found = "it can slide along x: no state was found in which the friction of the pressed edge"
         assert reasons(tree)[0].startswith(found)
+
+
+@pytest.mark.filterwarnings("ignore:elements of 100 mm are large")
+def test_a_heavy_slab_whose_states_take_turns_is_not_said_to_separate(tmp_path: Path) -> None:
+    """μ = 40 on a slab that curls: its weight presses it on all the same."""
+    warm = ("material.alpha_T=1e-5", "heat={theta: '8*(y/0.2 - 1)'}")
+    tree = results(tmp_path, "friction={law: coulomb, mu: 40}", *warm, text=RIGID)
+    assert finest(tree)["status"].item() == PointStatus.NOT_CONVERGED
+    assert "the pressures did not settle in" in reasons(tree)[0]
+
+
+@pytest.mark.parametrize("text", [RIGID, SLAB], ids=["rigid", "soft"])
+def test_a_base_that_cannot_pull_is_no_bond_that_fails(text: str) -> None:
+    study = read_study_text(text, "slab.yaml")
+    notes = [note for note in lint(study) if note.startswith("contact alone")]
+    assert len(notes) == 1
+    assert "unless pressed, it can slide" not in notes[0]
+    assert "unless pressed, it can move along x" in notes[0]
+    pulled = read_study_text(SLAB, "slab.yaml", ["adhesion.bottom.k=1 GPa/m"])
+    assert any("once that has failed" in note for note in lint(pulled))
