@@ -30,7 +30,7 @@ from tcstudy.reports.picture import read_picture
 from tcstudy.reports.text import number
 from tests.reports.figures.shown import example_laws
 from tests.reports.page.browser import Browser
-from tests.verification.gallery_forms import Law, bar
+from tests.verification.gallery_forms import Law, PeeledArm, bar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,6 +69,9 @@ FORMS: dict[str, tuple[Law, float, float, float]] = {
 }
 """Law [m, Pa], stiffness [N/m], length [m] and strain of a bar whose slip is known."""
 
+CIRCLE: dict[str, Any] = {"mfc": "none", "mec": style.INK, "ms": 5, "clip_on": False, "zorder": 6}
+"""How a point of a closed form looks."""
+
 
 def circles(
     figure: Figure, law: Law, stiffness: float, length: float, strain: float, largest: float
@@ -78,8 +81,14 @@ def circles(
     x, y = (np.asarray(values, dtype=float) for values in curve.get_data())
     places = np.linspace(0.0, length, 13)[1:]
     slip = bar(law, stiffness, length, strain, places)
-    how: dict[str, Any] = {"mfc": "none", "mec": style.INK, "ms": 5, "clip_on": False, "zorder": 6}
-    figure.axes[0].plot(places * x.max() / length, slip * y.max() / largest, "o", **how)
+    figure.axes[0].plot(places * x.max() / length, slip * y.max() / largest, "o", **CIRCLE)
+
+
+def peel_forces(figure: Figure) -> None:
+    """Forces [kN/m] of the beam on its bond over the displacement of its end [mm]."""
+    arm = PeeledArm(70e9 * 1.5e-3**3 / 12.0, 20e6, 4e-6, 14e-6)
+    forces, ends = np.array([arm.state(crack) for crack in np.arange(31e-3, 43e-3, 1e-3)]).T
+    figure.axes[0].plot(1e3 * ends, forces / 1e3, "o", **CIRCLE)
 
 
 def laws() -> Figure:
@@ -164,6 +173,8 @@ def make(name: str, scratch: Path, folder: Path) -> Path:
                     *FORMS[name],
                     float(read_picture(result.file, wanted["at"]).line.u_T.max()),
                 )
+            if name == "peel_arm":
+                peel_forces(figure)
             style.save(figure, target)
     return smaller(target)
 
