@@ -62,6 +62,8 @@ from tcstudy.reports.picture import (
     LineFields,
     body_fields,
     contact_line,
+    opening_line,
+    opening_states,
     states_of,
     stresses,
     von_mises,
@@ -76,7 +78,7 @@ from tcstudy.reports.select_point import (
 )
 from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.reports.text import counted
-from tcstudy.scene.contact_states import ContactState
+from tcstudy.scene.contact_states import ContactState, NormalState
 from tcstudy.scene.records import Scene
 
 if TYPE_CHECKING:
@@ -84,7 +86,7 @@ if TYPE_CHECKING:
 
 
 KEEP_FIELDS = "run its study again with --set output.fields=true to keep them"
-BODY, LINE = 0, 1
+BODY, LINE, OPENINGS = 0, 1, 2
 """Parts of a point in the PVD."""
 MAX_NAME = 120
 """Characters of a file's name; further parameters stand in the file alone."""
@@ -173,12 +175,22 @@ def _write_point(
         fields, cells = _body_values(body, group, scene)
         write_vtk(folder / f"{name}.vtu", body.xy, body.triangles, fields, cells, about)
         yield time, BODY, "body", f"{name}.vtu"
-    meanings = ", ".join(f"{int(state)} {state.name.lower()}" for state in ContactState)
-    about.append(Values("state_meanings", meanings))
-    line = contact_line(group)
+    line, line_about = contact_line(group), [*about, _meanings(ContactState)]
     xy, fields = np.column_stack([line.x, line.y]), _line_values(group, scene)
-    write_vtk(folder / f"{name}.vtp", xy, _chains(line), fields, (), about)
+    write_vtk(folder / f"{name}.vtp", xy, _chains(line), fields, (), line_about)
     yield time, LINE, "contact line", f"{name}.vtp"
+    if "opening" not in group:
+        return
+    line, line_about = opening_line(group), [*about, _meanings(NormalState)]
+    xy, fields = np.column_stack([line.x, line.y]), _opening_values(line, group, scene)
+    file = f"{name}_openings.vtp"
+    write_vtk(folder / file, xy, _chains(line), fields, (), line_about)
+    yield time, OPENINGS, "openings", file
+
+
+def _meanings(states: type[ContactState] | type[NormalState]) -> Values:
+    meanings = ", ".join(f"{int(state)} {state.name.lower()}" for state in states)
+    return Values("state_meanings", meanings)
 
 
 def _stored(group: Any, name: str) -> Values:
@@ -216,6 +228,14 @@ def _line_values(group: Any, scene: Scene | None) -> list[Values]:
     forces = [name for name in variables if name == SECTION.name or name.startswith(LAYER)]
     names = ("u_T", "xi", *forces, "arclength", "c")
     return [*(_stored(group, name) for name in names), Values("state", states)]
+
+
+def _opening_values(line: LineFields, group: Any, scene: Scene | None) -> list[Values]:
+    """Return the arrays of the nodes that may open."""
+    states = opening_states(scene, group, line.u_T, line.sticks)
+    arclength = Values("arclength", line.arclength, line.length_units)
+    stored = [_stored(group, name) for name in ("opening", "S_N", "c_N")]
+    return [*stored, arclength, Values("state", states)]
 
 
 def _chains(line: LineFields) -> list[NDArray[np.intp]]:

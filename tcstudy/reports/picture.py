@@ -374,6 +374,9 @@ def contact_line(group: Any) -> LineFields:
 def opening_line(group: Any) -> LineFields:
     """Return the nodes of a level that may open, with openings as u_T and S_N as ξ."""
     arclength, x, y = (group[f"opening_{name}"].values for name in ("arclength", "x", "y"))
+    rests = np.zeros(0, dtype=bool)
+    if "rests_N" in group:
+        rests = group["rests_N"].values == STICKS
     return LineFields(
         arclength=arclength,
         x=x,
@@ -383,7 +386,7 @@ def opening_line(group: Any) -> LineFields:
         edge_names=_edge_names(group),
         u_T=group["opening"].values,
         xi=group["S_N"].values,
-        sticks=group["rests_N"].values == STICKS,
+        sticks=rests,
         length_units=str(group["opening"].attrs["units"]),
         traction_units=str(group["S_N"].attrs["units"]),
         joints=_joints_of_openings(group),

@@ -314,19 +314,23 @@ def _openings_part(stored: Stored, group: Any, rows: Callable[[Any], Any], box: 
 
     `rows` returns the (P, k) values of a variable.
     """
-    line = opening_line(group)
-    names = [line.edge_names[index] for index in np.unique(line.edge)]
+    opening, rests = rows(group["opening"]), by_point(group["rests_N"], stored.data) == STICKS
+    states = _normal_states(stored, group, opening, slice(None), rests)
+    return openings_along(group, opening, rows(group["S_N"]), states, box)
+
+
+def openings_along(data: Any, opening: Any, S_N: Any, states: Any, box: Container) -> Json:
+    """Return the nodes that may open as a line: opening, S_N and states (P, k) of all points."""
+    line = opening_line(data)
     page_line: Json = {
         name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")
     }
     page_line["edges"] = list(line.edge_names)
     page_line["edge"] = box.array(line.edge, "i1")
-    page_line["opens"] = names
+    page_line["opens"] = [line.edge_names[index] for index in np.unique(line.edge)]
     page_line["parts"] = [_line_piece(line, part, (-1, -1), box) for part in line.parts]
-    opening, rests = rows(group["opening"]), by_point(group["rests_N"], stored.data) == STICKS
     page_line["u_T"], page_line["u_T_units"] = box.rows(opening), line.length_units
-    page_line["xi"], page_line["xi_units"] = box.rows(rows(group["S_N"])), line.traction_units
-    states = _normal_states(stored, group, opening, slice(None), rests)
+    page_line["xi"], page_line["xi_units"] = box.rows(S_N), line.traction_units
     page_line["state"] = box.array(states, "i1")
     return page_line
 

@@ -24,6 +24,8 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
 from tcstudy.reports.figures.panels import Panel, Scale, scale
 from tcstudy.reports.figures.path import (
+    OPENING_MOVES,
+    bond_states,
     fit_panels,
     history_panels,
     loop_names,
@@ -55,6 +57,7 @@ from tcstudy.reports.page.run import (
     line_along,
     line_part,
     live_part,
+    openings_along,
     run_part,
     shape,
     time_of_levels,
@@ -167,15 +170,19 @@ def _path_line(stored: Stored, shown_vertices: Any, box: Container) -> Json:
     data = stored.data
     pieces = np.minimum(shown_vertices, int(data.sizes["piece"]) - 1)
     line = _line(data, shown_vertices, data["state"].values[pieces], False, box)
+    if "opening" in data:
+        states = bond_states(data, pieces)
+        line["line"]["openings"] = _openings(data, shown_vertices, states, box)
     laws = law_part(stored)
     line["law"] = None
-    if laws is not None and len(laws["edges"]) == 1:
+    if laws is not None and len(laws["edges"]) == 1 and not laws["laws"][0].get("vanishes"):
         line["law"] = laws["laws"][0]
     return line
 
 
 FACTS = (
     *("cycle", "friction_resultant", "u_T_max", "slip_length"),
+    *("opening_max", "adhesion_resultant"),
     *("dissipated", "jumps", "inclusion_residual", "unique"),
 )
 """Values of the chosen step that stand beside the loop, after its loads."""
@@ -211,7 +218,8 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
         point.append(_motion_part(stored, data, motion_panel, box))
     energy_panels = [*_energy_panels(data), *panels.values()]
     energies = [panel_part(panel, box, height=220) for panel in energy_panels]
-    sheet = sheet_part(columns, "steps", states=True, chart=(x_name, "friction_resultant"))
+    charted = y_name if "opening_max" in data else "friction_resultant"
+    sheet = sheet_part(columns, "steps", states=True, chart=(x_name, charted))
     return {"point": point, "accuracy": [beside_part(*energies)], "table": [sheet]}
 
 
@@ -230,6 +238,11 @@ def _motion_part(stored: Stored, data: Any, panel: Panel, box: Container) -> Jso
     is_at_rest = at_rest(stored.study) and not has_prescribed_slip
     line = _line(data, slice(None), moves, is_at_rest, box)
     line["moves"] = list(paths.MOVES)
+    if "opening" in data:
+        jumped = data["jumped_N"].values if "jumped_N" in data else None
+        moves = paths.motion(data["opening"].values, jumped)
+        openings = _openings(data, slice(None), moves, box)
+        line["line"]["openings"] = openings | {"moves": list(OPENING_MOVES)}
     steps = np.arange(data.sizes["step"])
     middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
     return beside_part(line, panel_part(panel, box, (steps, middle), 250))
@@ -266,6 +279,16 @@ def _line(data: Any, selection: Any, state: Any, is_at_rest: bool, box: Containe
 
     line = line_along(data, rows, box) | {"rest": is_at_rest}
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
+
+
+def _openings(data: Any, selection: Any, state: Any, box: Container) -> Json:
+    """Return the nodes that may open in the selected states."""
+
+    def rows(name: str) -> Any:
+        values = data[name].values
+        return cleared(values, SHARE * float(np.nanmax(np.abs(values))))[selection]
+
+    return openings_along(data, rows("opening"), rows("S_N"), state, box)
 
 
 def fit_sections(stored: Stored, box: Container) -> list[Json]:

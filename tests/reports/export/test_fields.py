@@ -146,3 +146,15 @@ def test_without_fields_and_solutions_the_lines_are_written(stored: Stored, tmp_
     with pytest.raises(DrawError, match="theta_bar = 3"):
         write_fields(stored("failed"), tmp_path / "none", {"theta_bar": 3})
     assert not (tmp_path / "none").exists()
+
+
+def test_openings_are_lines_of_their_own(stored: Stored, tmp_path: Path) -> None:
+    written = write_fields(stored("arm"), tmp_path)
+    collection = written.path.read_text(encoding="utf-8")
+    assert 'part="2" name="openings" file="arm_0000_openings.vtp"' in collection
+    text = (tmp_path / "arm_0000_openings.vtp").read_text(encoding="utf-8")
+    assert all(f'Name="{name}"' in text for name in ("opening", "S_N", "c_N", "state"))
+    meanings = "0 closed, 1 elastic, 2 softening, 3 open"
+    assert " ".join(map(str, meanings.encode())) in text
+    write_fields(stored("block"), tmp_path)
+    assert not list(tmp_path.glob("block*openings*"))

@@ -414,3 +414,12 @@ def test_pages_of_openings_show_gaps_normal_stresses_and_laws(
     gap = '#point svg[aria-label="opening along the contact line"] path'
     assert page.run(f"return document.querySelectorAll('{gap}').length") > 0
     assert page.complaints() == []
+
+
+@pytest.mark.parametrize("name", ["lifted", "raised"])
+def test_states_of_paths_and_histories_show_openings(
+    browser: Browser, stored: Stored, name: str
+) -> None:
+    page = shown(browser, stored(name))
+    assert "Gap to the foundation" in text_of(page, "#main")
+    assert page.complaints() == []

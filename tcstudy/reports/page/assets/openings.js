@@ -21,7 +21,7 @@ TC.openings = {
   },
   profiles(host, cases, frame) {
     const { line } = cases[0];
-    line.moves = TC.openings.STATES;
+    line.moves = line.moves || TC.openings.STATES;
     const usual = TC.point.ALONG;
     TC.point.ALONG = TC.openings.ALONG;
     const plots = TC.point.profilePlots(line, cases, frame);
@@ -194,6 +194,18 @@ TC.openings = {
 };
 {
   const { contact, state, profiles, drawBody, law } = TC.point;
+  const lineOfState = TC.part.line;
+  TC.part.line = (part, width) => {
+    const host = lineOfState(part, width);
+    const own = part.line.openings;
+    if (!own) return host;
+    const solution = TC.openings.solution(own, own.u_T, own.xi, own.state, TC.state.step);
+    const above = TC.el("div");
+    const frame = { ...TC.point.frame(part.line, width), shape: false };
+    TC.openings.profiles(above, [solution], frame);
+    host.prepend(above);
+    return host;
+  };
   TC.point.contact = (line, point) => {
     const solution = contact(line, point);
     const own = line.openings;
