@@ -167,6 +167,7 @@ def make(name: str, scratch: Path, folder: Path) -> Path:
                 scratch / f"{name}.nc",
             )
             figure = tcstudy.draw(result, **wanted)
+            assert not isinstance(figure, Path)
             if name in FORMS:
                 circles(
                     figure,
