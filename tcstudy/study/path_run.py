@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import certify_rows, solution_boxes
-from tcstudy.contact.history.steps import Hysteresis, hysteresis
+from tcstudy.contact.history.steps import Hysteresis, Way, hysteresis
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, Progress
 from tcstudy.contact.path.problem import WHOLE, PathStatus
 from tcstudy.contact.path.query import (
@@ -245,7 +245,9 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         branches = all_branches(
             problem, plan.begin, plan.end, lambda_1, LIMITS, plan.at, known=(path,)
         )
-    lowest_states = lowest(path)
+    lawful = LawfulRows.of(problem)
+    kept_path = path if lawful is None else lawful.kept_path(path)
+    lowest_states = lowest(kept_path)
     slide = ""
     if not level.is_held(plan.scene):
         slide = f"the body can {level.motions(plan.scene).words} once the bond has failed"
@@ -260,7 +262,9 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         "law_error": plan.law_error if is_smooth else 0.0,
         **_curve_values(load, path),
         **{f"lowest_{name}": column for name, column in lowest_states._asdict().items()},
-        "lowest_certified": proved_minima(path, lowest_states, lambda_1, Acceptance(tolerance)),
+        "lowest_certified": proved_minima(
+            kept_path, lowest_states, lambda_1, Acceptance(tolerance)
+        ),
         **_solution_values(plan, load, path, branches, lambda_1, tolerance),
     }
     values |= _requested_values(study, load, scene_of, path, values)
@@ -273,7 +277,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         "end_reason": _end_reason(path.end, slide),
     }
     if plan.hysteresis:
-        loop = hysteresis(problem, start, plan.begin, plan.end, plan.max_pieces, tolerance)
+        loop = _loop(plan, problem, lawful, start, tolerance)
         values |= _loop_values(plan, load, problem, loop)
         attributes["loop_reason"] = loop.reason or "both ends of the range of t were reached"
         if slide and loop.reason:
@@ -458,6 +462,25 @@ def _are_lowest(energy: Array, row: Places, n_rows: int) -> NDArray[np.bool_]:
     np.minimum.at(lowest_energy, row, energy)
     scale = float(np.max(np.abs(energy), initial=0.0))
     return np.asarray(energy <= lowest_energy[row] + TIE * scale)
+
+
+def _loop(
+    plan: PathPlan,
+    problem: ParametricProblem,
+    lawful: LawfulRows | None,
+    start: Array,
+    tolerance: float | None,
+) -> Hysteresis:
+    """Return the hysteresis loop between begin and end, from the solution `start` (m,).
+
+    lawful: rows with a law, if others are eliminated
+    """
+    options = plan.begin, plan.end, plan.max_pieces, tolerance
+    if lawful is None:
+        return hysteresis(problem, start, *options)
+    loop = hysteresis(lawful.problem, start[lawful.elimination.rows], *options)
+    ways = [Way(way.t, *lawful.states(way.t, way.v, way.xi)) for way in loop.ways]
+    return loop._replace(ways=ways)
 
 
 def _loop_values(

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from numpy.typing import NDArray
 
+import tcstudy
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import RequestedOutputs
@@ -64,6 +66,19 @@ def test_a_double_cantilever_is_peeled_along_the_path_of_a_beam_on_its_bond() ->
     assert [*seen[np.flatnonzero(np.diff(seen, prepend=-1))]] == [1, 2, 4]
     assert values["solution_force_left_y"] == pytest.approx([1917.608], rel=0.01)
     assert values["solution_opening"].shape == (1, len(values["opening_x"]))
+
+
+def test_the_hysteresis_of_a_column_loses_what_its_folds_release() -> None:
+    """Between d = 1.1 and d = 0.3: ½E(d − s)² + j at both ends of either jump."""
+    text = COLUMN.replace("MAXH", "1").replace("D", "0")
+    section = "path={parameter: boundary.top.u_y, from: 0, to: 1.5, within: [0, 1.5]}"
+    values = path_of(text, section)
+    out = 0.5 * 1.0**2 + 0.05 - 0.15
+    back = 0.15 - (0.5 * (0.3 - 0.3 / 11) ** 2 + 5.0 * (0.3 / 11) ** 2)
+    assert values["loop_closed"] == 1
+    assert values["energy_lost"] == pytest.approx(out + back, rel=1e-6)
+    assert values["loop_area"] == pytest.approx(out + back, rel=1e-6)
+    np.testing.assert_allclose(np.ptp(values["loop_opening"], axis=1), 0.0, atol=1e-9)
 
 
 def test_a_split_snaps_back_where_its_end_turns() -> None:
@@ -145,3 +160,28 @@ def test_forces_of_edges_along_a_path_are_those_of_a_run() -> None:
         size = max(map(abs, expected.values()))
         for name, value in expected.items():
             assert values[name][i] == pytest.approx(value, rel=1e-9, abs=1e-11 * size)
+
+
+def test_a_fit_of_a_peel_test_finds_strength_and_toughness(tmp_path: Path) -> None:
+    """P against the displacement of the end, elastic and with a growing crack, without noise."""
+    arm = DCB.replace("[62 mm", "[44 mm").replace(", closing: 5e12 Pa/m", "")
+    arm = arm.replace("maxh: 0.125 mm", "maxh: 0.5 mm")
+    ends = (0.4, 0.8, 1.0, 1.2, 1.4, 1.6)
+    swept = ", ".join(f"{end} mm" for end in ends)
+    sweep = f"sweep={{boundary.left.u_y: [{swept}]}}"
+    data = results(arm, tmp_path / "run.nc", sweep, "solver.branch=continued")
+    force = data["adhesion_resultant"].values / 1e3
+    lines = ["d [mm],P [N/mm]", *(f"{d},{P:.12g}" for d, P in zip(ends, force, strict=True))]
+    (tmp_path / "peel.csv").write_text("\n".join(lines) + "\n")
+    columns = "{boundary.left.u_y: 'd [mm]', adhesion_resultant: 'P [N/mm]'}"
+    parameters = (
+        "{adhesion.sigma: {start: 16 MPa, within: [8 MPa, 40 MPa]}, "
+        "adhesion.sf: {start: 17 um, within: [8 um, 30 um]}}"
+    )
+    fit = (
+        f"fit={{data: {{file: {tmp_path}/peel.csv, columns: {columns}}}, "
+        f"noise: {{adhesion_resultant: 0.001 N/mm}}, parameters: {parameters}}}"
+    )
+    tcstudy.run(read_study_text(arm, "study", [fit]), tmp_path / "fit.nc")
+    with xr.open_dataset(tmp_path / "fit.nc") as found:
+        np.testing.assert_allclose(found["estimate"], [20e6, 14e-6], rtol=1e-5)
