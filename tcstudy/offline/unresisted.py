@@ -151,19 +151,22 @@ def _reason(name: str, excess: float, knows_pressure: bool) -> str:
     name: the motion in words;  excess: load along it over the largest force of contact
     """
     remedy = REMEDY
-    if name.startswith("separate"):
+    separates = name.startswith("separate")
+    if separates:
         remedy = "press the body onto its foundation, or support it"
     if not np.isfinite(excess):
         return f"it can {name}, and nothing resists that; {remedy}"
-    if knows_pressure and name.startswith("separate"):
+    if separates and excess <= 0.0:
         return f"it can {name}, and no load presses it on; {remedy}"
-    if knows_pressure:
+    if knows_pressure and not separates:
         found = "no state was found in which the friction of the pressed edge balances the load"
         return f"it can {name}: {found}; {remedy}"
     if excess > 1.0:
         ratio = f"{excess:.3g} times what contact can resist"
         return f"it can {name}: the load along that is {ratio}; {remedy}"
     fault = f"it can {name} once the bond has failed, and no equilibrium was found before that"
+    if knows_pressure:  # along which no path is followed
+        return f"{fault}; {remedy}"
     return f"{fault}; {remedy}, or follow the path of the load to its peak"
 
 

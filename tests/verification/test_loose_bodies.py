@@ -317,3 +317,33 @@ def test_a_base_that_cannot_pull_is_no_bond_that_fails(text: str) -> None:
     assert "unless pressed, it can move along x" in notes[0]
     pulled = read_study_text(SLAB, "slab.yaml", ["adhesion.bottom.k=1 GPa/m"])
     assert any("once that has failed" in note for note in lint(pulled))
+
+
+GLUED = """
+body:
+  outline:
+    - {from: [0, 0], edge: notch}
+    - {from: [30 mm, 0], edge: glue}
+    - {from: [90 mm, 0], edge: back}
+    - {from: [90 mm, 6 mm], edge: top}
+    - {from: [0, 6 mm], edge: tip}
+boundary:
+  notch: {role: contact, normal: unilateral}
+  glue: contact
+  back: free
+  top: free
+  tip: {role: traction, force: [0, 20 kN/m]}
+material: {E: 70 GPa, nu: 0.3}
+adhesion: {glue: {law: bilinear, sigma: 5 MPa, s0: 5 um, sf: 60 um}}
+friction: {glue: {law: bilinear, tau: 8 MPa, s0: 8 um, sf: 60 um}, notch: {law: coulomb, mu: 0.2}}
+mesh: {maxh: 2 mm}
+"""
+
+
+@pytest.mark.filterwarnings("ignore:elements of 2 mm are large")
+@pytest.mark.filterwarnings("ignore:the softening zone")
+def test_a_glued_beam_is_torn_off_by_its_load_not_for_want_of_one(tmp_path: Path) -> None:
+    """The bond carries 300 kN/m if it shares the load, but its end fails first and then the rest."""
+    (torn,) = reasons(results(tmp_path, text=GLUED))
+    assert torn.startswith("it can separate along y once the bond has failed, and no equilibrium")
+    assert torn.endswith("press the body onto its foundation, or support it")
