@@ -4,9 +4,11 @@ Also here: its strain and stress, and the tractions on edges.
 
 Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e with
             the recovered stress σ* (continuous P1) less βθI, and r_e what σ* leaves of the boundary
-            condition on the edge e: σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the
-            free components on rollers; none on a rigid edge, whose tractions balance as a whole
-Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
+            condition on the edge e: σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, and
+            σ*_N − S_N,h where it is not held, the free components on rollers; none on a rigid edge,
+            whose tractions balance as a whole
+Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only;
+            the same of S_N,h and b̂_N(s_h,N), so that a pressure beside an opening counts
 Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
 Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v −
             Iv) − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second
@@ -23,7 +25,7 @@ Interfaces: recovery stops there, nodes being one for each material (`Pieces`), 
             h_e/(π max k) ‖[k ∇θ* · n]‖²_e
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen &
             Bartels, Math. Comp. 71 (2002) 945–969 (every averaging is reliable up to oscillation);
-            Bartels & Carstensen, Numer. Math. 99 (2004) 225–249 (contact)
+            Bartels & Carstensen, Numer. Math. 99 (2004) 225–249 (contact, of one side)
 Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant), what arcs lose as
             polygons, the energy of springs (of higher order); the pollution of θ from re-entrant
             corners; singular ends of interfaces
@@ -31,7 +33,9 @@ Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant),
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +43,7 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import ContactLine, edge_arms, values_at
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.openings import OpeningLine
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.points import needs_heat_solve
@@ -128,23 +133,64 @@ def contact_traction(
 
     u_T: (m,) slips;  xi: (m,) tractions ξ_i/c_i;  u: (2n,), which gives u_T of held nodes
     """
-    edges = mesh.boundary
     on_line = line.which
     segments = line.segments
     end_xi = line.nodal(xi, mesh.n_points, np.nan)[segments]
     end_slips = line.nodal(u_T, mesh.n_points, np.nan)[segments]
+    end_u = u.reshape(2, -1).T[segments.T]
+    held_slips = np.einsum("ksd,sd->sk", end_u, tangent(mesh.boundary.normal[on_line]))
+    end_slips = np.where(np.isnan(end_slips), held_slips, end_slips)
+    law_of_edge = partial(law_along, law, line.edge_names)
+    return _between_nodes(mesh, on_line, line.segment_edge, law_of_edge, end_slips, end_xi)
+
+
+def opening_traction(
+    mesh: PlaneMesh,
+    lines: tuple[ContactLine, OpeningLine],
+    law: Laws | EdgeLaws,
+    s_N: Array,
+    S_N: Array,
+    u: Array,
+) -> ContactTraction:
+    """Return S_N of edges that may lift off, as `contact_traction` does ξ_h.
+
+    lines: the contact line and its openings
+    s_N, S_N: (k,) openings and their tractions;  u: (2n,), which gives s_N of held nodes
+    """
+    line, opening = lines
+    on_line = line.which[opening.which]
+    segments = line.segments[opening.which]
+    is_held = opening.unknowns < 0
+    end_S_N = np.where(is_held, np.nan, S_N[opening.unknowns])
+    end_u = u.reshape(2, -1).T[segments.T]
+    held_s_N = -np.einsum("ksd,sd->sk", end_u, mesh.boundary.normal[on_line])
+    end_s_N = np.where(is_held, held_s_N, s_N[opening.unknowns])
+    law_of_edge = partial(law_along, law, line.edge_names)
+    edge = line.segment_edge[opening.which]
+    return _between_nodes(mesh, on_line, edge, law_of_edge, end_s_N, end_S_N)
+
+
+def _between_nodes(
+    mesh: PlaneMesh,
+    on_line: NDArray[np.intp],
+    edge: NDArray[np.integer],
+    law_of_edge: Callable[[NDArray[np.integer], Array], Laws],
+    end_slips: Array,
+    end_xi: Array,
+) -> ContactTraction:
+    """Return tractions at the Gauss points of all segments, and their distance from the law.
+
+    on_line, edge:     (s,) segments of the boundary, and the contact edges they are on
+    end_slips, end_xi: (s, 2) displacement and traction at their ends, NaN for a traction where held
+    """
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
     end_xi = np.where(np.isnan(end_xi), end_xi[:, ::-1], end_xi)
-    end_u = u.reshape(2, -1).T[segments.T]
-    held_slips = np.einsum("ksd,sd->sk", end_u, tangent(edges.normal[on_line]))
-    end_slips = np.where(np.isnan(end_slips), held_slips, end_slips)
     first_xi, second_xi = end_xi.T
     traction = np.stack([(1.0 - w) * first_xi + w * second_xi for w in GAUSS], axis=1)
     change = end_slips[:, 1] - end_slips[:, 0]
     slip = np.stack([end_slips[:, 0] + w * change for w in GAUSS], axis=1)
-    edge = np.repeat(line.segment_edge, 2)
-    points = edges.at[on_line].reshape(-1, 2)
-    low, high = law_along(law, line.edge_names, edge, points).interval(slip.ravel())
+    points = mesh.boundary.at[on_line].reshape(-1, 2)
+    low, high = law_of_edge(np.repeat(edge, 2), points).interval(slip.ravel())
     xi_h, distance = np.zeros((2, len(mesh.segments), 2))
     xi_h[on_line] = traction
     outside = np.maximum(low.reshape(-1, 2) - traction, traction - high.reshape(-1, 2))
@@ -194,11 +240,17 @@ def pieces_of(mesh: PlaneMesh, scene: Scene) -> Pieces:
 
 
 def energy_squares(
-    pieces: Pieces, u: Array, theta: Array, scene: Scene, friction: ContactTraction
+    pieces: Pieces,
+    u: Array,
+    theta: Array,
+    scene: Scene,
+    friction: ContactTraction,
+    adhesion: ContactTraction | None = None,
 ) -> tuple[Array, float]:
     """Return η_K² (t,) of the energy norm [J/m] and ‖u_h‖ [√(J/m)].
 
     u: (2n,) displacement;  theta: (n,) temperature, both on the whole mesh
+    friction, adhesion: ξ_h, and S_N,h where an edge may lift off
     """
     mesh = pieces.mesh
     u = u.reshape(2, -1)[:, pieces.node].ravel()
@@ -217,7 +269,7 @@ def energy_squares(
     residual = f + divergence[:, None]
     residual_square = np.sum(residual**2, axis=(1, 2)) / 3.0 * mesh.area
     squares += (mesh.diameter / np.pi) ** 2 / (2.0 * mu) * residual_square
-    squares += edge_residual(mesh, u, sigma, scene, friction)
+    squares += edge_residual(mesh, u, sigma, scene, friction, adhesion)
     squares += _jumps(pieces, sigma, theta, scene)
     if scene.material.expands:
         squares += coupling(mesh, theta, scene)
@@ -238,12 +290,17 @@ def _recovered_stress(pieces: Pieces, strain: Array, theta: Array, scene: Scene)
 
 
 def edge_residual(
-    mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, friction: ContactTraction
+    mesh: PlaneMesh,
+    u: Array,
+    sigma: Array,
+    scene: Scene,
+    friction: ContactTraction,
+    adhesion: ContactTraction | None = None,
 ) -> Array:
     """Return the boundary terms of η_K² (t,), summed over the edges of each triangle [J/m]:
 
     Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) + 2πμ/h_e ‖u_D − u_h‖²_e,
-    with r_e for the free components of an edge and u_D for the given ones.
+    with r_e for the free components of an edge and u_D for the given ones; likewise of openings.
 
     u: (2n,) displacement;  sigma: (n, 3) σ* at the nodes
     """
@@ -253,6 +310,10 @@ def edge_residual(
     traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
     displacement = on_segments(u.reshape(2, -1).T, mesh.segments)
     square = distance**2
+    S_N = np.zeros_like(xi)
+    if adhesion is not None:
+        S_N, distance_N = adhesion
+        square += distance_N**2
     gap = np.zeros_like(xi)
 
     def component(vectors: Array, directions: Array) -> Array:
@@ -264,10 +325,12 @@ def edge_residual(
         points = edges.at[on_curve]
         normal = edges.normal[on_curve]
         axes = normal, tangent(normal)
-        # what σn should be where it is free: the load of the edge, −ξ_h t, and the force of springs
+        # what σn should be where it is free: the load, S_N,h n − ξ_h t, and the force of springs
         unmoved = replace(role, moment=None) if role.moment else role
         target = acting(mesh, curve.name, unmoved, points, normal)
         target = target - xi[on_curve][..., None] * axes[1][:, None]
+        if adhesion is not None:
+            target = target + S_N[on_curve][..., None] * normal[:, None]
         for k, axis in zip(role.spring, axes, strict=True):
             target = target - k * component(displacement[on_curve], axis)[..., None] * axis[:, None]
         if role.frame != "nt":

@@ -107,7 +107,7 @@ def check_opening(
     scenes: its points, none after a fault
     mesh, output, history: None where a section has faults, or is not there
     """
-    faults = [*_of_proofs(root, mesh)]
+    faults = [*_of_proofs(root, mesh), *_of_estimates(root, mesh, scenes)]
     if any(scene.opens for scene in scenes[:1]):
         faults += _of_requests(output)
         if history is not None:
@@ -117,17 +117,28 @@ def check_opening(
 
 
 def _of_proofs(root: Node, mesh: MeshPlan | None) -> Iterator[Fault]:
-    """Yield what is asked of errors: they are proved and estimated of the slip alone."""
+    """Yield what is asked of errors that is proved or known of the slip alone."""
     if mesh is not None and mesh.bounds_errors:
         fault = f"errors are bounded for {BILATERAL}"
         yield ("mesh", "guarantee"), fault, "remove guarantee, and compare levels instead"
-    if mesh is not None and mesh.estimates:
-        key = next((key for key in ("tolerance", "estimate", "family") if root.at("mesh", key)), "")
-        remedy = "use a uniform or graded family without it, with levels"
-        yield ("mesh", key), f"errors are estimated for {BILATERAL}", remedy
     if root.at("exact"):
         fault = f"an exact solution is of {BILATERAL}"
         yield ("exact",), fault, "remove exact, and compare levels instead"
+
+
+def _of_estimates(root: Node, mesh: MeshPlan | None, scenes: Sequence[Scene]) -> Iterator[Fault]:
+    """Yield estimates of errors of goals, and those of solutions without an energy."""
+    if mesh is None or not mesh.estimates:
+        return
+    if mesh.goal.quantity != "energy":
+        key = next(key for key in ("of", "goal") if root.at("mesh", key))
+        fault = f"errors of {mesh.goal.quantity} are estimated for {BILATERAL}"
+        yield ("mesh", key), fault, "remove it: meshes then follow the energy norm"
+    if any(scene.knows_pressure for scene in scenes):
+        key = next((key for key in ("tolerance", "estimate", "family") if root.at("mesh", key)), "")
+        fault = "errors are estimated in energy, and friction that follows the pressure has none"
+        remedy = "use a uniform or graded family without it, with levels"
+        yield ("mesh", key), fault, remedy
 
 
 BILATERAL = "bilateral contact, and an edge is not held along its normal here"

@@ -18,7 +18,14 @@ from tcstudy.accuracy.norms import located
 from tcstudy.accuracy.orders import ROUNDING
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.exact.solution import known_goal
-from tcstudy.fem.energy_error import Pieces, contact_traction, energy_squares, pieces_of
+from tcstudy.fem.energy_error import (
+    ContactTraction,
+    Pieces,
+    contact_traction,
+    energy_squares,
+    opening_traction,
+    pieces_of,
+)
 from tcstudy.fem.meshes import Meshes, PlaneMesh, refine
 from tcstudy.offline.level import Level
 from tcstudy.refine.goal_error import Halved, goal_error
@@ -165,16 +172,22 @@ class ErrorEstimator:
     ) -> tuple[Array, float]:
         """Return η_K² (t,) of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution.
 
-        v: (m,) slips;  u: (2n,) displacement
+        v: (m,) slips, then openings;  u: (2n,) displacement
         """
         level = self.level
         theta = np.zeros(level.mesh.n_points)
         if scene.material.expands:
             theta = level.temperature(scene).theta
-        xi = problem.xi(v) / level.line.c
-        friction = contact_traction(level.mesh, level.line, scene.friction, v, xi, u)
+        u_T, s_N = level.split(v)
+        xi, S_N = level.split(problem.xi(v) / level.c)
+        friction = contact_traction(level.mesh, level.line, scene.friction, u_T, xi, u)
+        adhesion: ContactTraction | None = None
+        if level.opening is not None:
+            lines = level.line, level.opening
+            law = scene.opening_laws
+            adhesion = opening_traction(level.mesh, lines, law, s_N, S_N, u)
         self._pieces = self._pieces or pieces_of(level.mesh, scene)
-        return energy_squares(self._pieces, u, theta, scene, friction)
+        return energy_squares(self._pieces, u, theta, scene, friction, adhesion)
 
     # -- all solutions -----------------------------------------------------------------------------
 

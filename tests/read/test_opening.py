@@ -194,8 +194,7 @@ FAULTS = (
     ("sweep={adhesion.tau: [1 MPa, 2 MPa]}", "no parameter 'adhesion.tau' to sweep", "did you mean 'adhesion.sigma'?"),
     # what excludes edges that open
     ("mesh.guarantee=true", "mesh.guarantee: errors are bounded for bilateral contact", "remove guarantee"),
-    ("mesh.estimate=true", "mesh.estimate: errors are estimated for bilateral contact", "levels"),
-    ("mesh.family=adaptive", "mesh.family: errors are estimated for bilateral contact", "uniform or graded"),
+    ("mesh={maxh: 1 mm, tolerance: 0.1, of: slip_length}", "mesh.of: errors of slip_length", "remove it"),
     ("exact={u: [0, 0]}", "exact: an exact solution is of bilateral contact", "remove exact"),
     ("output.live=true", "output.live: a live page", "remove live: true"),
 )  # fmt: skip
@@ -233,9 +232,9 @@ def test_a_fault_has_its_place_in_the_file() -> None:
 )
 def test_edges_that_are_free_along_their_normal_take_what_knows_the_slip_alone(option: str) -> None:
     assert study(option, "adhesion=null", "boundary.bottom={role: contact, normal: free}").scenes
-    for request in ("mesh.guarantee=true", "mesh.estimate=true"):
-        with pytest.raises(StudyError, match="for bilateral contact"):
-            study(request, "adhesion=null", "boundary.bottom={role: contact, normal: free}")
+    free = "boundary.bottom={role: contact, normal: free}"
+    with pytest.raises(StudyError, match="for bilateral contact"):
+        study("mesh.guarantee=true", "adhesion=null", free)
 
 
 @pytest.mark.parametrize(("memory", "fits"), [("damage", True), ("friction", False)])
