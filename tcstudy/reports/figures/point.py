@@ -17,6 +17,7 @@ from tcstudy.errors import DrawError, UsageError
 from tcstudy.laws.composed import EdgeLaws, laws_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
+from tcstudy.laws.shapes import knows_pressure
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import Field, draw_body, field_of, name_body, scale_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
@@ -469,7 +470,27 @@ def laws_of(point: Picture) -> OperatingLaws:
     friction = EdgeLaws(edge_laws(point.scene.friction))
     xy = np.stack([line.x, line.y], axis=1)
     laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
-    return OperatingLaws(list(laws), index, strength)
+    return OperatingLaws(list(laws), index, strength * _pressure_factor(point, point.scene))
+
+
+def _pressure_factor(point: Picture, scene: Scene) -> Array:
+    """Return (m,) the factor of friction by the pressure of the contact nodes, 1 on other edges.
+
+    It is the pressure itself for a coefficient of friction; other friction of unilateral edges
+    acts where they are pressed.
+    """
+    line, openings, pressed = point.line, point.openings, scene.pressed_friction
+    factor = np.ones(len(line.u_T))
+    if openings is None or pressed is None:
+        return factor
+    pressure = np.interp(line.arclength, openings.line.arclength, -openings.S_N)
+    for edge, law, _ in pressed.laws:
+        if law.vanishes or edge not in line.edge_names:
+            continue
+        is_on_edge = line.edge == line.edge_names.index(edge)
+        acting = np.maximum(pressure, 0.0) if knows_pressure(law) else 1.0 * (pressure > 0.0)
+        factor[is_on_edge] = acting[is_on_edge]
+    return factor
 
 
 @dataclass(frozen=True)
@@ -483,9 +504,29 @@ class NodeGroup:
 
 
 def law_figure(point: Picture, operating: OperatingLaws, look: style.Look) -> Figure:
-    """Return the laws of one point with the operating points of its nodes."""
+    """Return the laws of one point with the operating points of its nodes.
+
+    The laws of bonds that may open stand below those of friction, or alone without any.
+    """
+    has_bond = point.openings is not None and _is_bond(point.scene)
+    has_friction = not (has_bond and all(law.vanishes for _, law in operating.laws))
+    names = [""] * has_friction + ["opening"] * has_bond
+    height = LAW_HEIGHT if len(names) == 1 else LOW_LAW_HEIGHT
+    rows = [[name] for name in names]
+    sheet = Sheet(look, point.title, _facts(point), rows, [height] * len(names))
+    if has_friction:
+        _friction_panel(point, operating).draw(sheet.panels[""])
+        sheet.panels[""].margins(y=0.12)
+        sheet.key("")
+    if has_bond:
+        _opening_law_panel(point).draw(sheet.panels["opening"])
+        sheet.legend("opening")
+    return sheet.finish()
+
+
+def _friction_panel(point: Picture, operating: OperatingLaws) -> Panel:
+    """Return the friction laws with (u_T, ξ) of the nodes on them."""
     line, laws, strength = point.line, operating.laws, operating.strength
-    sheet = Sheet(look, point.title, _facts(point))
     is_bonded = strength > 0.0
     xi = np.divide(line.xi, strength, out=np.zeros_like(line.xi), where=is_bonded)
     panel, window = _law_panel(line, operating, xi)
@@ -502,6 +543,8 @@ def law_figure(point: Picture, operating: OperatingLaws, look: style.Look) -> Fi
         draw_law(panel, law, window, label, **colour)
         for group in groups:
             nodes = group.nodes & (operating.index == index)
+            if point.openings is not None and not nodes.any():
+                continue  # without a place they would stand in the corner of the sheet
             dots = NODE | {"color": group.colour} | colour
             panel.line(line.u_T[nodes], xi[nodes], marker=group.marker, **dots)
     for group in groups:
@@ -510,10 +553,59 @@ def law_figure(point: Picture, operating: OperatingLaws, look: style.Look) -> Fi
             dots = NODE | {"color": group.colour if has_one_law else style.INK, "clip_on": True}
             label = f"{group.name} ({counted(count, 'node')})"
             panel.line([], [], marker=group.marker, **dots, label=label)
-    panel.draw(sheet.panels[""])
-    sheet.panels[""].margins(y=0.12)
-    sheet.key()
-    return sheet.finish()
+    return panel
+
+
+LAW_HEIGHT, LOW_LAW_HEIGHT = 3.6, 2.6
+"""Height of a panel of laws; of each of two [inch]."""
+NORMAL_LOOKS = (
+    ("closed", "s", style.INK),
+    ("elastic", "o", style.BLUE),
+    ("softening", "o", style.SERIES[4]),
+    ("open", "o", style.VERMILLION),
+)
+"""Name, marker and colour of openings, by NormalState."""
+
+
+def _opening_law_panel(point: Picture) -> Panel:
+    """Return the laws of the bonds that may open, with (s_N, S_N) of their nodes on them."""
+    openings, scene = point.openings, point.scene
+    assert openings is not None
+    assert scene is not None
+    line = openings.line
+    bonds = [(edge, law) for edge, law, _ in scene.opening_laws.laws if law.name != "unilateral"]
+    codes = [line.edge_names.index(edge) for edge, _ in bonds]
+    is_bond = np.isin(line.edge, codes)
+    is_bond[np.asarray(line.joints.node, dtype=np.intp)] = False  # they have two laws
+    s_N, S_N, states = openings.s_N[is_bond], openings.S_N[is_bond], openings.states[is_bond]
+    reach = max(slip_range(law) for _, law in bonds)
+    high = max(min(reach, MAX_SLIP_ROOM * float(s_N.max())), SLIP_ROOM * float(s_N.max())) or reach
+    low = min(float(s_N.min()), 0.0)
+    samples = [law.b(np.linspace(0.0, high, CURVE_SAMPLES)) for _, law in bonds]
+    opening = scale("opening s_N", [low, high], line.length_units)
+    panel = Panel(opening, scale("S_N", np.concatenate([S_N, *samples]), line.traction_units))
+    for index, (edge, law) in enumerate(bonds):
+        label, colour = "law b_N(s_N)", {}
+        if len(bonds) > 1:
+            label = f"{edge}: {law.name}"
+            colour = {"color": style.SERIES[index % len(style.SERIES)]}
+        for s, b in curves(law, max(high, -low)):
+            is_inside = s >= (0.0 if np.all(law.is_closed) else low)
+            if np.count_nonzero(is_inside) > 1:
+                panel.line(s[is_inside], b[is_inside], **CURVE | colour, label=label)
+                label = ""
+        if np.all(law.is_closed):
+            bottom = min(float(S_N.min()), 0.0)
+            panel.line([0.0, 0.0], [bottom, float(law.b(0.0))], **CURVE | colour)
+    for state, (name, marker, colour_of_state) in enumerate(NORMAL_LOOKS):
+        nodes = states == state
+        if nodes.any():
+            dots = NODE | {"color": colour_of_state}
+            label = f"{name} ({counted(int(nodes.sum()), 'node')})"
+            panel.line(s_N[nodes], S_N[nodes], marker=marker, **dots, label=label)
+    panel.across(0.0)
+    panel.up(0.0, linewidth=0.7)
+    return panel
 
 
 def _law_panel(
@@ -530,15 +622,19 @@ def _law_panel(
             tractions.append(b[(s >= low) & (s <= high)])
     has_unit_strength = np.all(operating.strength[operating.strength > 0.0] == 1.0)
     title = "friction ξ = −S_T" + ("" if has_unit_strength else " / strength")
+    units = line.traction_units
+    if any(knows_pressure(law) for _, law in operating.laws):
+        title, units = "friction ξ / pressure", "1"
     slip = scale("slip u_T", [low, high], line.length_units)
-    return Panel(slip, scale(title, np.concatenate(tractions), line.traction_units)), (low, high)
+    return Panel(slip, scale(title, np.concatenate(tractions), units)), (low, high)
 
 
 def _facts(point: Picture) -> list[str]:
     values = point.values
     words = filter(None, [style.point_words(point.point, point.symbols), f"level {point.level}"])
     facts = [",  ".join(words), ""]
-    if "lambda_1" in values and np.isfinite(values["lambda_1"]):
+    has_stiffness = "lambda_1" in values and np.isfinite(values["lambda_1"])
+    if has_stiffness and not np.isnan(values["omega"]):
         units = str(values["omega"].attrs.get("units", "1"))
         omega = with_unit(float(values["omega"]), units, 3)
         lambda_1 = with_unit(float(values["lambda_1"]), units, 3)

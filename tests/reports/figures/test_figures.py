@@ -347,3 +347,29 @@ def test_a_history_of_openings_shows_what_opens_and_closes(stored: Stored) -> No
     change = np.diff(data["opening"].values[:, 0])
     expected = np.where(data["jumped_N"].values[1:, 0] == 1, 3, np.where(change > 0.0, 1, 2))
     np.testing.assert_array_equal(cells.look["kinds"][:, 0], expected)
+
+
+def test_friction_of_the_pressure_is_drawn_over_the_pressure_of_its_node(stored: Stored) -> None:
+    point = read_picture(stored("pressed"), {"mu": 0.1})
+    figure, _ = drawn(stored("pressed"), law=True, at={"mu": 0.1})
+    assert figure.axes[0].get_ylabel() == "friction ξ / pressure"
+    shares = point.line.xi / laws_of(point).strength
+    assert np.abs(shares).max() == pytest.approx(0.1, rel=1e-6)
+    slips = np.concatenate(
+        [line.get_ydata() for line in figure.axes[0].lines if line.get_marker() == "o"]
+    )
+    np.testing.assert_allclose(np.abs(slips), 0.1, rtol=1e-6)
+
+
+def test_the_law_of_a_bond_that_opens_has_its_nodes_on_it(stored: Stored) -> None:
+    figure, _ = drawn(stored("arm"), law=True)
+    [axes] = figure.axes
+    marks = {
+        line.get_label().partition(" (")[0]: line
+        for line in axes.lines
+        if line.get_marker() in "so"
+    }
+    s_N, S_N = (np.asarray(values) for values in marks["softening"].get_data())
+    np.testing.assert_allclose(S_N, 20.0 * (14.0 - s_N) / 10.0, rtol=1e-6)
+    assert np.all(np.asarray(marks["closed"].get_ydata()) <= 1e-6)
+    assert np.allclose(marks["open"].get_ydata(), 0.0, atol=1e-6)
