@@ -87,7 +87,7 @@ def _of_history(scenes: Sequence[Scene], history: HistoryPlan) -> Iterator[Fault
     """Yield what is asked of a history."""
     laws = [law for scene in scenes for _, law, _ in scene.friction_by_edge]
     if any(knows_pressure(law) and law.omega > 0.0 for law in laws):
-        fault = "a coefficient that falls with the slip would begin anew in every step"
+        fault = "a coefficient that falls with the slip would begin again in every step"
         yield ("history",), fault, "give one coefficient mu, or remove history"
     if history.branch == "lowest":
         fault = "friction of a pressed edge has no energy, and no state is the lowest"

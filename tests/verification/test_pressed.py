@@ -162,7 +162,7 @@ def test_what_a_pressed_history_cannot_have_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "study.yaml"
     path.write_text(BLOCK.replace("u_x: 0.02 mm", "u_x: 0 mm") + CYCLE, encoding="utf-8")
     for change, reason in (
-        ("friction={law: coulomb, mu_s: 0.5, mu_k: 0.2, delta: 1 um}", "begin anew"),
+        ("friction={law: coulomb, mu_s: 0.5, mu_k: 0.2, delta: 1 um}", "begin again"),
         ("history.branch=lowest", "no state is the lowest"),
     ):
         with pytest.raises(tcstudy.StudyError, match=reason):
