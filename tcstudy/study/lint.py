@@ -325,11 +325,11 @@ def _strained(study: Study, all_loads: Sequence[Load], measures: Measures) -> It
     farthest = _largest(displacements, measures.points)
     if farthest is not None and farthest[0] > MAX_STRAIN * measures.size:
         metres, load = farthest
-        strain = metres / measures.size
+        share = metres / measures.size
         size = _length(study, measures.size)
         yield note(
-            f"{load.key} = {_length(study, metres)} would strain the body by {strain:.2g}",
-            f"The body has a size of {size}; strains are assumed to be small.",
+            f"|{load.key}| = {_length(study, metres)} is {share:.2g} times the size of the body",
+            f"The size is {size}; strains and rotations are assumed to be small.",
             "a number without a unit is in m; write mm or um if that was meant",
         )
 
