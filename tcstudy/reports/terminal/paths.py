@@ -795,7 +795,11 @@ def sentences_of(part: Any, alone: bool = False) -> list[str]:
     dissipated = float(np.abs(part["dissipated"].values[solved_steps]).sum())
     if 0.0 < MIN_DEFECT * dissipated < missed:
         share = sentences.percent(missed / dissipated)
-        texts.append(f"finite steps miss {share} of the energy dissipated; take more steps")
+        if part.attrs.get("branch") == FROM_LAST:
+            fault = f"work and dissipation of the steps differ by {share}"
+            texts.append(f"{fault}, since forces turn within them; take more steps to balance them")
+        else:
+            texts.append(f"finite steps miss {share} of the energy dissipated; take more steps")
     if reason and not alone:
         texts.append(f"ended at step {len(solved_steps)}: {reason}")
     return list(filter(None, texts))
