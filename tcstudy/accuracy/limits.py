@@ -51,7 +51,7 @@ FACTORS = {
     "u_T_max": (4.0, 3.0, 2.5),
     "opening_max": (4.0, 3.0, 2.5),
     "adhesion_resultant": (2.0, 2.0, 1.5),
-    "opened_length": (1.0, 1.0, 1.0),
+    "opened_length": (2.0, 2.0, 2.0),
     "debonded_length": (1.0, 1.0, 1.0),
 }
 """Uncertainty over the step by quantity: of three, of four, of five levels."""
