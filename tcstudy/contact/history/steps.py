@@ -68,10 +68,18 @@ Nearer solutions count as the same state.
 ROUNDING = 1e-11
 """Part of the largest slip that rounding may seem to take back, or to be apart."""
 MAX_PARTS = 1000
+SMALL_PART = 10.0 * LOOK_AHEAD
+"""Share of a step below which a part hardly brings it on."""
+MAX_SMALL_PARTS = 100
+"""Most such parts in a row."""
 MAX_DOUBLINGS = 20
 """Most doublings of the number of vertices by which a part ends early."""
 UPHILL = (
     "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
+)
+STUCK = (
+    f"{MAX_SMALL_PARTS} jumps or reversals in a row bring it hardly on; take another mesh or other "
+    "steps"
 )
 HIDDEN = "the law leaves the path along the straight pieces that replace its curve"
 ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; make more steps"
@@ -163,7 +171,9 @@ class ContinuedStep:
 
         Returns False where none leads on, with the reason.
         """
+        small_parts = 0
         for _ in range(MAX_PARTS):
+            last_t = self.t
             self._begin_part()
             path = self._path_on() if self.fold <= self.t else None
             goes_on = path is not None and self._follow(path)
@@ -171,6 +181,10 @@ class ContinuedStep:
                 return False
             if self.t == 1.0:
                 return True
+            small_parts = small_parts + 1 if self.t - last_t < SMALL_PART else 0
+            if small_parts > MAX_SMALL_PARTS:
+                self.reason = STUCK
+                return False
         self.reason = f"a node reverses its slip or jumps more than {MAX_PARTS} times"
         return False
 
