@@ -117,7 +117,7 @@ def test_workers_find_the_same_histories_and_one_that_breaks_ends_no_sweep(
         summary = execute_history(study, tmp_path / "b.nc", lambda *at: told.append(at), jobs=2)
     assert (summary.points, summary.failed) == (4, 1)
     assert sorted({point for point, *_ in told}) == [0, 1, 2, 3]
-    steps = history_run.history
+    steps = history_run.fast_history
 
     def broken(*given: Any) -> Iterator[HistoryStep]:
         begun.extend(given[2:])  # not histories of derivatives, which have no start
@@ -127,7 +127,7 @@ def test_workers_find_the_same_histories_and_one_that_breaks_ends_no_sweep(
             yield step
 
     with monkeypatch.context() as patched:
-        patched.setattr(history_run, "history", broken)
+        patched.setattr(history_run, "fast_history", broken)
         assert execute_history(study, tmp_path / "c.nc", jobs=1).failed == 1
     for name, reason, status in (
         ("b.nc", "signal SIGKILL", [2, 0, 0, 0]),
