@@ -537,10 +537,12 @@ def _differences(law: Laws, alike: Sequence[Laws], si: bool) -> list[str]:
 def _draw_laws(
     sheet: Sheet, section: str, laws: Sequence[tuple[str, Laws]], si: bool, size: float
 ) -> None:
-    reach = max(slip_range(law) for _, law in laws) or 1e-3 * size
-    values = [law.b(np.linspace(0.0, reach, 50)) for _, law in laws]
     slip_name, traction_name = LAW_PANELS[section]
     is_coefficient = section == "friction" and all(knows_pressure(law) for _, law in laws)
+    if not is_coefficient:  # a coefficient has no place on an axis of tractions
+        laws = [(name, law) for name, law in laws if not knows_pressure(law)]
+    reach = max(slip_range(law) for _, law in laws) or 1e-3 * size
+    values = [law.b(np.linspace(0.0, reach, 50)) for _, law in laws]
     traction_unit = "Pa" if si else "1"
     if is_coefficient:
         traction_name, traction_unit = "b(s) / pressure", "1"

@@ -112,8 +112,11 @@ def test_edges_that_open_are_named_and_both_laws_are_drawn() -> None:
         ("opening $s_{N}$ [µm]", "$b_{N}$($s_{N}$) [MPa]"),
     ]
     texts = " ".join(text.get_text() for text in figure.texts)
-    assert "ω = 2 TPa" in texts
-    pressed = study.with_({"friction": {"law": "coulomb", "mu": 0.3}})
+    assert "ω = 2000 GPa" in texts
+    pressed = read_study_text(MIXED, "mixed", ["friction.base={law: coulomb, mu: 0.3}"])
+    assert draw_picture(pressed, None).axes[1].get_ylabel() == "b(s) [MPa]"
+    without_bond = ["friction.base={law: coulomb, mu: 0.3}", "friction.bond={law: linear, k: 0}"]
+    pressed = read_study_text(MIXED, "mixed", without_bond)
     figure = draw_picture(pressed, None)
     assert figure.axes[1].get_ylabel() == "b(s) / pressure"
     assert "Friction follows the pressure" in " ".join(text.get_text() for text in figure.texts)
