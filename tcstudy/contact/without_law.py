@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from tcstudy.laws.laws import Laws
 
+Value = TypeVar("Value", bound=np.generic)
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -81,7 +83,7 @@ class Elimination:
         full[..., self.free_rows] = self._unforced(load) + u @ self._following.T
         return full
 
-    def spread(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    def spread(self, values: NDArray[Value]) -> NDArray[Value]:
         """Return values (…, m), 0 in rows without a law, from those (…, k) of the others."""
         full = np.zeros((*values.shape[:-1], len(self.A_tilde)), dtype=values.dtype)
         full[..., self.rows] = values

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ class LawfulHistory:
         load, last_load: (m,) of all rows, and that of the step before [N/m]
         """
         elimination = self.elimination
-        state = {name: elimination.spread(getattr(step, name)) for name in STATE}
+        state: dict[str, Any] = {name: elimination.spread(getattr(step, name)) for name in STATE}
         state["v"] = elimination.displacements(step.v, load)
         jumped = np.broadcast_to(step.jumped, len(elimination.rows))
         energy = elimination.energy(load)
