@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
@@ -131,6 +131,25 @@ def halved(points: Floats, leaf: int) -> Halving:
     return Halving(len(upright), part, upright)
 
 
+def matched_columns(graph: sp.csr_array) -> Ints:
+    """Return the column (n,) of each row of a graph (n, m) in a maximum matching, −1 for none.
+
+    It is a flow of integers by Dinic's algorithm, SIAM J. Comput. 4 (1975) 507–518. SciPy's own
+    matching takes minutes for some graphs of a thousand nodes.
+    """
+    n, m = graph.shape
+    source, sink = n + m, n + m + 1
+    heads = np.concatenate([graph.indices + n, np.full(m, sink), np.arange(n)])
+    counts = np.concatenate([[0], np.diff(graph.indptr), np.ones(m, dtype=np.intp), [n, 0]])
+    ones = np.ones(len(heads), dtype=np.int32)
+    network = sp.csr_matrix((ones, heads, np.cumsum(counts)), shape=(n + m + 2, n + m + 2))
+    flow = maximum_flow(network, source, sink, method="dinic").flow
+    leaves_row = np.flatnonzero(flow.data[: flow.indptr[n]] > 0)
+    columns = np.full(n, -1)
+    columns[np.searchsorted(flow.indptr, leaves_row, side="right") - 1] = flow.indices[leaves_row]
+    return np.where(columns < 0, -1, columns - n)
+
+
 def minimum_cover(lower: Ints, upper: Ints) -> Ints:
     """Return the fewest nodes that meet all edges (lower, upper) between two sets of nodes.
 
@@ -143,7 +162,7 @@ def minimum_cover(lower: Ints, upper: Ints) -> Ints:
     upper, b = np.unique(upper, return_inverse=True)
     ones = np.ones(len(a), dtype=np.int8)
     graph = sp.csr_array((ones, (a, b)), shape=(len(lower), len(upper)))
-    partner = maximum_bipartite_matching(graph, perm_type="column")  # −1 of an unmatched node
+    partner = matched_columns(graph)  # −1 of an unmatched node
     unmatched = np.flatnonzero(partner < 0)
     matched = np.flatnonzero(partner >= 0)
     back = np.full(len(upper), -1)
