@@ -22,7 +22,7 @@ import numpy as np
 from PIL import Image
 
 import tcstudy
-from tcstudy.laws.shapes import SHAPES
+from tcstudy.laws.shapes import SHAPES, knows_pressure
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel, Scale, Sheet
 from tcstudy.reports.figures.point import draw_law, slip_range
@@ -53,6 +53,8 @@ DRAWN: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "split_beam": ((), {}),
     "curled_slab": ((FIELDS,), {"at": {"warmer": "-10 K"}}),
     "warped_die": ((FIELDS,), {"at": {"shear": "2000 GPa/m"}}),
+    "pressed_plate": ((FIELDS,), {"at": {"friction.mu": 1}}),
+    "lap_force": ((), {"y": "max-slip"}),
     "rail_year": ((), {}),
     "pipeline_cycles": ((), {}),
     "cyclic_pull": ((), {}),
@@ -91,6 +93,12 @@ def peel_forces(figure: Figure) -> None:
     figure.axes[0].plot(1e3 * ends, forces / 1e3, "o", **CIRCLE)
 
 
+def plate_slips(figure: Figure) -> None:
+    """Slips [µm] of the benchmark's programs at places x [mm]; the head of the study has them."""
+    (panel,) = [axes for axes in figure.axes if axes.get_ylabel().startswith("$u_{T}$")]
+    panel.plot([0.0, 1.25, 5.0, 7.5, 11.25], [28.6, 27.2, 22.8, 19.8, 15.4], "o", **CIRCLE)
+
+
 def laws() -> Figure:
     """A panel for each law, with ω."""
     names = list(SHAPES)
@@ -104,6 +112,8 @@ def laws() -> Figure:
     )
     for law in example_laws():
         reach, title = slip_range(law) or 1.0, f"{law.name}: ω = {number(law.omega, 3)}"
+        if knows_pressure(law):
+            title = f"{law.name}: b over the pressure"
         panel = Panel(Scale(""), Scale(""), title)
         draw_law(panel, law, (-reach, reach))
         panel.draw(sheet.panels[law.name])
@@ -176,6 +186,8 @@ def make(name: str, scratch: Path, folder: Path) -> Path:
                 )
             if name == "peel_arm":
                 peel_forces(figure)
+            if name == "pressed_plate":
+                plate_slips(figure)
             style.save(figure, target)
     return smaller(target)
 
