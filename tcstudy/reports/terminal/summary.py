@@ -123,7 +123,7 @@ _ESTIMATED = (
 
 
 def _levels(data: Any) -> Table:
-    """Return one row per level: size, solved points, worst residual, and the seconds it took."""
+    """Return one row per level: size, solved points, their worst residual, and seconds it took."""
 
     def by_level(name: str) -> Any:
         """Return (P, levels) values of a number of the points."""
@@ -131,8 +131,9 @@ def _levels(data: Any) -> Table:
 
     status = by_level("status")
     total = len(status)
-    ok = (status == PointStatus.OK).sum(axis=0)
-    worst = np.fmax.reduce(by_level("inclusion_residual"))
+    is_solved = status == PointStatus.OK
+    ok = is_solved.sum(axis=0)
+    worst = np.fmax.reduce(np.where(is_solved, by_level("inclusion_residual"), np.nan))
     lowest = np.fmin.reduce(by_level("lambda_1"))
     of_points = np.nansum(by_level("time_condense") + by_level("time_solve"), axis=0)
     spent = data["time_mesh"].values + data["time_assemble"].values + of_points
