@@ -34,8 +34,16 @@ class Elimination:
     free_rows: Index
 
     @classmethod
-    def of(cls, A_tilde: Array, law: Laws) -> Elimination | None:
-        """Return the elimination, None if all rows have a law or none has."""
+    def of(
+        cls, A_tilde: Array, law: Laws, blocks: tuple[int, ...], loose: bool
+    ) -> Elimination | None:
+        """Return the elimination of a body with openings, None if all rows have a law or none has.
+
+        blocks: numbers of slips and openings, () without openings
+        loose:  contact alone holds the body, whose rows without a law may be singular; then None
+        """
+        if loose or not blocks:
+            return None
         vanishes = rows_without_law(law, len(A_tilde))
         if np.all(vanishes) or not np.any(vanishes):
             return None

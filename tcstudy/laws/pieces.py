@@ -54,10 +54,6 @@ softening: b falls
 debonded:  b has fallen and does not fall on this piece or further out
 yielded:   any other piece: a plateau, hardening, or a part before the first fall
 """
-BARE, ELASTIC, YIELDED, SOFTENING, DEBONDED = range(len(REGIONS))
-"""What a law does on a piece, outwards from s = 0: it is 0; it rises from 0 along its first piece;
-it does neither that nor fall, and falls further out or nowhere; it falls; it has fallen and does
-not fall any more."""
 
 NARROW = 32.0
 """Largest width of a narrow piece in roundings of the slip (`Laws.without_narrow_pieces`)."""

@@ -15,17 +15,11 @@ from tcstudy.scene.study import Study
 from tcstudy.study.reference import FineReference, solve_levels
 from tcstudy.study.run import run
 from tests.commands import CONFIGS
+from tests.study.test_convergence_of_openings import SLAB as CURLED
 
 Array = NDArray[np.float64]
 
-SLAB = """
-body: {rectangle: {width: 4 m, height: 200 mm}}
-boundary: {bottom: {role: contact, normal: unilateral}, left: symmetry, top: free, right: free}
-material: {E: 30 GPa, nu: 0, plane: stress, alpha_T: 1e-5 1/K}
-loads: {f: [0, -24000]}
-heat: {theta: "-5*(y - 0.1)/0.1"}
-mesh: {maxh: 100 mm, levels: 3}
-"""
+SLAB = CURLED.replace("levels: 4", "levels: 3")
 BLOCK = """
 units: none
 body: {rectangle: {width: 1, height: 0.5}}

@@ -58,9 +58,7 @@ class LawfulHistory:
     def of(cls, full: HistoryProblem) -> LawfulHistory | None:
         """Return the rows of a problem with openings, None if all have a law or none has."""
         body, model = full.body, full.model
-        elimination = None
-        if body.blocks and not body.loose:
-            elimination = Elimination.of(body.A_tilde, model.law)
+        elimination = Elimination.of(body.A_tilde, model.law, body.blocks, body.loose)
         if elimination is None:
             return None
         rows = elimination.rows

@@ -30,9 +30,7 @@ class LawfulRows:
 
         For a body that contact alone holds it is None, too.
         """
-        elimination = None
-        if full.blocks and not full.loose:
-            elimination = Elimination.of(full.A_tilde, full.law)
+        elimination = Elimination.of(full.A_tilde, full.law, full.blocks, full.loose)
         if elimination is None:
             return None
         rows = elimination.rows
