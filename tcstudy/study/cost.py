@@ -91,16 +91,21 @@ def cost_to_file(
     lock: that of the file, if it is taken already
     Raises CostError, StoreError, GeometryFailed.
     """
+    check_bilateral(study)
     point_study = at_point(study, index)
-    if not all(scene.holds_normal for scene in point_study.scenes):
-        problem = "errors are measured for bilateral contact"
-        remedy = "compare levels with tcstudy run, which prints the last change of each result"
-        raise CostError(f"{problem}; {remedy}")
 
     def compute() -> Record:
         return measure(point_study, runs, progress, {"point": point})
 
     to_file(path, study, command, compute, point_study, lock=lock)
+
+
+def check_bilateral(study: Study) -> None:
+    """Raise CostError for a study with edges that are not held along their normal."""
+    if not study.scenes[0].holds_normal:  # roles are the same at all points
+        problem = "errors are measured for bilateral contact"
+        remedy = "measure them with tcstudy converge, and compare times of levels with tcstudy run"
+        raise CostError(f"{problem}; {remedy}")
 
 
 def at_point(study: Study, index: tuple[int, ...]) -> Study:

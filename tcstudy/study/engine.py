@@ -254,9 +254,10 @@ def _work(
 
             converge_to_file(study, output, display.event, command, lock)
         case "cost":
-            from tcstudy.study.cost import cost_to_file
+            from tcstudy.study.cost import check_bilateral, cost_to_file
 
             assert request.point is not None
+            check_bilateral(study)
             runs = stored.RUNS
             display.event(f"time unknown until the first of {runs} runs has measured it")
             index, words = request.point.index, request.point.words

@@ -1,4 +1,4 @@
-"""Friction that knows the pressure, from a study to its results: a published benchmark, closed
+"""Friction that knows the pressure, from a study to its results: a benchmark, closed
 forms, and an iteration of projections on matrices that NGSolve assembles by itself."""
 
 from pathlib import Path
@@ -51,8 +51,8 @@ def solved(study: str, folder: Path, *changes: str) -> xr.DataTree:
     return tree
 
 
-def test_a_pressed_plate_has_the_slips_of_other_programs(tmp_path: Path) -> None:
-    """Benchmark SSNV128 of Code_Aster: the means of several programs, to three digits."""
+def test_a_pressed_plate_has_the_slips_quoted_for_it(tmp_path: Path) -> None:
+    """Benchmark SSNV128 of Code_Aster, with the slips that the head of the study quotes."""
     study = tcstudy.load(
         str(CONFIGS / "pressed_plate.yaml"), ["mesh.levels=2", "sweep.friction.mu=[1]", PROBED]
     )
