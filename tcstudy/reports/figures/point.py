@@ -215,6 +215,8 @@ def _draw_part(
     points = [*constrained, *np.column_stack([places, line.u_T[nodes]])]
     points.sort(key=lambda point: float(point[0]))
     s, u = np.array(points).T
+    highest = float(u.max())
+    lowest = float(u.min())
     marker = "o" if len(line.u_T) <= MAX_DOTTED_NODES else ""
     dots: dict[str, Any] = {"marker": marker, "markersize": 3.0, "clip_on": False}
     slip.line(x.at(s), u, color=style.BLUE, linewidth=1.5, **dots)
@@ -226,9 +228,12 @@ def _draw_part(
     if constrained:
         end, value = constrained[-1]
         is_left = x.sign * (np.mean(places) - end) > 0.0
-        shift = 5 * (1.0 if is_left else -1.0), 5
-        align = "left" if is_left else "right"
-        slip.note("constrained", (x.at(end), value), shift, ha=align, fontsize=8.5)
+        is_at_top = value == highest > lowest
+        shift = 5 * (1.0 if is_left else -1.0), -18 if is_at_top else 5
+        look: dict[str, Any] = {"ha": "left" if is_left else "right", "fontsize": 8.5}
+        if is_at_top:
+            look["va"] = "top"
+        slip.note("constrained", (x.at(end), value), shift, **look)
 
 
 def _draw_edge_names(named: Panel, panels: Iterable[Panel], line: LineFields, x: Abscissa) -> None:
@@ -267,7 +272,9 @@ def opening_text(openings: Openings, line: LineFields, scene: Scene | None) -> s
         shares[words] = normal.c[openings.states == state].sum() / normal.c.sum()
     texts = [f"{100.0 * share:.1f} % {words}" for words, share in shares.items() if share > 0.0]
     slips = scene is None or not all(law.vanishes for law in scene.laws)
-    rest = "it slips" if slips else "the bond holds" if _is_bond(scene) else "it is closed"
+    rest = "the bond holds" if _is_bond(scene) else "it slips" if slips else "it is closed"
+    if not texts and _is_bond(scene):
+        return "the bond holds all of it"
     if not texts:
         return f"all of it is closed{' and slips' if slips else ''}"
     return ", ".join([*texts, f"otherwise {rest}"])
